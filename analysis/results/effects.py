@@ -11,7 +11,7 @@ from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects, fi
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.palette import BEFORE, DASHES, GRID, MARKERS, MEASURED, SERIES
 from sautereau.analysis.press.features import by_string, quantity_of, split_column, title_of
-from sautereau.analysis.results.result import Result, frame_of, json_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, json_of, shown
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing, what_is_alike
 from sautereau.analysis.session.repeatability import interval
@@ -102,11 +102,9 @@ class Effects(Result):
         without the effects of the other factors. That of an interaction has the mean of each
         combination.
         """
-        from matplotlib.figure import Figure
-
         count = max(len(fit.factors) for fit in self.fitted.values())
         size = (max(6.4, 4.2 * count), 0.8 + 2.4 * len(self.fitted))  # inches
-        figure = Figure(figsize=size, layout="constrained")
+        figure = drawing(*size)
         panels = figure.subplots(len(self.fitted), count, sharey="row", squeeze=False)
         for number, (name, fit) in enumerate(self.fitted.items()):
             scale, _ = quantity_of(name).displayed

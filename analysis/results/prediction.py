@@ -16,7 +16,7 @@ from sautereau.analysis.identify.parameters import ENDS, rig_numbers, split_name
 from sautereau.analysis.model import predict as model
 from sautereau.analysis.model.choirs import hold, string_names
 from sautereau.analysis.model.string.string import first_mode_release_speed
-from sautereau.analysis.results.result import Result, frame_of, named, part_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, named, part_of, shown
 from sautereau.analysis.session.compare import pluck_features
 from sautereau.analysis.session.repeatability import student
 from sautereau.analysis.text import counted, table
@@ -112,9 +112,7 @@ class Predicted(Result):
 
     def plot(self) -> "Figure":
         """Return a figure of the distribution of each quantity."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(12, 6), layout="constrained")
+        figure = drawing(12, 6)
         panels = figure.subplots(-(-len(self.intervals) // 3), 3).ravel()
         for axes, own, draws in zip(panels, self.intervals, self.draws.T, strict=True):
             scale, _ = QUANTITIES[own.name].displayed

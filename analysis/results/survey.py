@@ -26,7 +26,7 @@ from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.press.features import FROM_REST, Row, by_string, column
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.session.analysed import analyse_file
 from sautereau.analysis.session.compare import Mean, mean_of, pluck_features
 from sautereau.analysis.text import SOME_SIMULATED, counted, table
@@ -172,11 +172,9 @@ class Survey(Result):
 
     def plot(self) -> "Figure":
         """Return a figure of each quantity over the keys, with outliers by name."""
-        from matplotlib.figure import Figure
-
         from sautereau.analysis.figures.palette import GRID, MARKERS, SERIES
 
-        figure = Figure(figsize=(12, 2.6 * len(EVEN)), layout="constrained")
+        figure = drawing(12, 2.6 * len(EVEN))
         order = list(dict.fromkeys(each.key for each in self.keys))
         panels: dict[str, Axes] = dict(
             zip(EVEN, figure.subplots(len(EVEN), 1, sharex=True), strict=True)

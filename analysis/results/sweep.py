@@ -10,7 +10,7 @@ import numpy as np
 from sautereau.analysis.figures.palette import DASHES, SERIES
 from sautereau.analysis.model.batch import DERIVED, PredictionBatch, predict_many
 from sautereau.analysis.model.pluck.paths import Status
-from sautereau.analysis.results.result import Shown, shown
+from sautereau.analysis.results.result import Shown, drawing, shown
 from sautereau.rig.document import full_key
 from sautereau.rig.errors import RigError, require
 from sautereau.rig.faults import unit_of
@@ -71,9 +71,7 @@ class Sweep(Shown):
 
     def plot(self) -> "Figure":
         """Return a figure over the first value, with a line for each of the others."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(12, 4.5), layout="constrained")
+        figure = drawing(12, 4.5)
         (key, along), *others = self.values.items()
         texts = (
             [f"{key} {readable_quantity(value, _unit(key))}" for value in values.tolist()]

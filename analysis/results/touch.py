@@ -9,7 +9,7 @@ from sautereau.analysis.campaign.judged import Judged
 from sautereau.analysis.campaign.row import LEVELS
 from sautereau.analysis.campaign.touch import FELT, Felt, Touch
 from sautereau.analysis.figures.palette import GRID, MARKERS, SERIES
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.session.repeatability import Spread, interval
 from sautereau.analysis.text import SOME_SIMULATED, counted, table
 from sautereau.rig.quantities import QUANTITIES
@@ -95,9 +95,7 @@ class JudgedTouch(Result):
 
     def plot(self) -> "Figure":
         """Return a figure: each quantity over the tip's stiffness, and all standard deviations."""
-        from matplotlib.figure import Figure
-
-        figure, found = Figure(figsize=(13, 7.5), layout="constrained"), self.found
+        figure, found = drawing(13, 7.5), self.found
         panels = figure.subplots(2, 2).ravel()
         for axes, (name, felt) in zip(panels, found.felt.items(), strict=False):
             _felt_over_stiffness(axes, found, name, felt)
