@@ -106,7 +106,7 @@ def difference(first: PooledFeature, second: PooledFeature) -> Difference:
     """
     value, low, high = first.measured.value - second.measured.value, None, None
     if min(first.presses, second.presses) > 1:
-        variances = [np.var(one.values, ddof=1) / one.presses for one in (first, second)]
+        variances = [float(np.var(one.values, ddof=1)) / one.presses for one in (first, second)]
         total, free = sum(variances), [one.presses - 1 for one in (first, second)]
         reach = 0.0
         if total > 0:
