@@ -39,13 +39,10 @@ class Quantity:
         """Factor from the SI unit to the unit that texts show, and that unit."""
         return DISPLAYED.get(self.unit, (1.0, self.unit))
 
-    def title(self, unit: str | None = None) -> str:
-        """Return the label with a unit, for a column or an axis: `release force (N)`.
-
-        Args:
-            unit: Unit of the displayed values; None for the SI unit.
-        """
-        unit = self.unit if unit is None else unit
+    @property
+    def title(self) -> str:
+        """The label with the displayed unit, for a column or an axis: `release force (N)`."""
+        _, unit = self.displayed
         return f"{self.label} ({unit})" if unit not in ("", "1") else self.label
 
 

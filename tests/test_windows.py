@@ -418,7 +418,7 @@ def test_doctor_looks_for_a_port_by_its_name(monkeypatch):
 
 def test_a_view_that_has_ended_breaks_its_pipe(monkeypatch):
     """There `poll` raises BrokenPipeError; elsewhere it says that there is an end to read."""
-    views = process.ViewProcess("rig", in_terminal=True, to_foxglove=False)
+    views = process.ViewProcess("rig", ["view"])
 
     class Pipe:
         def poll(self, timeout):

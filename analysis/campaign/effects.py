@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.campaign.variance import Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.session.repeatability import COVERAGE, Spread
+from sautereau.analysis.session.repeatability import Spread, student
 from sautereau.trajectory.motion import Floats
 
 ROUNDING = 1e-9  # Spread over magnitude that is attributed to rounding; relative tolerance of ranks
@@ -261,12 +261,10 @@ class _Fit:
 
     def spread(self, combination: Floats) -> tuple[tuple[float, float, float], float, int]:
         """Return value and interval of a combination of coefficients, its std and degrees."""
-        from scipy.stats import t
-
         value = float(combination @ self.coefficients)
         std = float(np.sqrt(combination @ self.covariance @ combination))
         degrees = self.degrees[bool((combination[self.between] != 0).any())]
-        reach = float(t.ppf((1 + COVERAGE) / 2, degrees)) * std
+        reach = student(degrees) * std
         return (value, value - reach, value + reach), std, degrees
 
     def effects_of(self, *factors: str) -> FactorEffects:

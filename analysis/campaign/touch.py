@@ -31,7 +31,7 @@ from sautereau.analysis.campaign.table import Campaign
 from sautereau.analysis.campaign.variance import Components, Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.press.features import FROM_REST
-from sautereau.analysis.session.repeatability import COVERAGE, Spread
+from sautereau.analysis.session.repeatability import Spread, student
 from sautereau.rig.faults import fault_list
 from sautereau.trajectory.motion import Floats
 
@@ -280,8 +280,6 @@ def _stratum(column: Floats, groups: NDArray[np.intp], subgroups: NDArray[np.int
 
 def _exponents(fitted: Components, columns: dict[str, Floats]) -> dict[str, Exponent]:
     """Return the exponents of regressors, which stand in the fit behind its column of ones."""
-    from scipy.stats import t
-
     groups, subgroups = fitted.data.groups, fitted.data.subgroups
     strata = [_stratum(column, groups, subgroups) for column in columns.values()]
     counts = [len(groups), int(subgroups.max()) + 1, int(groups.max()) + 1, 1]
@@ -290,7 +288,7 @@ def _exponents(fitted: Components, columns: dict[str, Floats]) -> dict[str, Expo
     for name, stratum, value, std in zip(columns, strata, values, stds, strict=True):
         degrees = counts[stratum] - counts[stratum + 1] - strata.count(stratum)
         if degrees > 0:
-            reach = float(t.ppf((1 + COVERAGE) / 2, degrees)) * std
+            reach = student(degrees) * std
             ends = float(value), float(value - reach), float(value + reach)
             found[name] = Exponent(*ends, float(std), degrees)
     return found
@@ -304,8 +302,6 @@ def _means(
     The interval is Student's, with the degrees of freedom of the spread that counts most: of the
     sessions if they differ, otherwise of the presses.
     """
-    from scipy.stats import t
-
     counts = np.bincount(subgroups)
     between = found.subgroup.value if found.subgroup else 0.0
     weights = 1 / (between**2 + found.residual.value**2 / counts)
@@ -315,7 +311,7 @@ def _means(
     total = np.bincount(parents, weights)
     centre = np.bincount(parents, weights * means) / total
     free = len(counts) - len(total) if between else len(values) - len(counts)
-    reach = float(t.ppf((1 + COVERAGE) / 2, free)) / np.sqrt(total)
+    reach = student(free) / np.sqrt(total)
     ends = np.exp([centre, centre - reach, centre + reach])
     return [Spread(*map(float, column)) for column in ends.T]
 

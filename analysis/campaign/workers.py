@@ -18,10 +18,9 @@ from concurrent.futures import (
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.version import made_by
@@ -47,14 +46,9 @@ def computed_by() -> str:
     return f"{made_by()}, {', '.join(libraries)}"
 
 
-@dataclass(frozen=True)
-class _Stamped(Generic[Item, Result]):
-    """A function whose results state what computed them."""
-
-    function: Callable[[Item], Result]
-
-    def __call__(self, item: Item) -> tuple[str, Result]:
-        return computed_by(), self.function(item)
+def _stamped(function: Callable[[Item], Result], item: Item) -> tuple[str, Result]:
+    """Return what computes a result, and the result."""
+    return computed_by(), function(item)
 
 
 def worthwhile(items: int, each: int) -> int:
@@ -159,7 +153,9 @@ def _on_cluster(
         workers = _workers(client, address)
         try:
             pool = client.get_executor(pure=False)
-            for i, (computed, result) in _through(pool, _Stamped(function), items, workers):
+            for i, (computed, result) in _through(
+                pool, partial(_stamped, function), items, workers
+            ):
                 if computed != computed_by():  # of a worker that has come since
                     raise _mixed(address, {"a worker that has come since": computed})
                 yield i, result

@@ -13,7 +13,7 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.string_start import OF_START, measured_start
-from sautereau.rig.quantities import QUANTITIES
+from sautereau.rig.quantities import QUANTITIES, Quantity
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
@@ -104,6 +104,11 @@ def split_column(column: str) -> tuple[str, int]:
     return (name, int(number)) if name and number.isdecimal() else (column, 1)
 
 
+def quantity_of(column: str) -> Quantity:
+    """Return the quantity of a column."""
+    return QUANTITIES[split_column(column)[0]]
+
+
 def by_string(row: Row) -> Row:
     """Return a row whose columns are numbered by string: those of string 2 end in `_2`.
 
@@ -128,7 +133,7 @@ def title_of(column: str, strings: Sequence[str] = ()) -> str:
         strings: Names of the rig's strings.
     """
     name, string = split_column(column)
-    title = QUANTITIES[name].title(QUANTITIES[name].displayed[1])
+    title = QUANTITIES[name].title
     return f"{title}, {strings[string - 1]}" if len(strings) > 1 and name in OF_PLUCK else title
 
 

@@ -130,7 +130,7 @@ HEIGHT = 240  # Height of one row (px)
 
 def over_time(contents: Contents) -> Plot:
     """Draw deflection, speed and force of all presses over the time after the trigger."""
-    titles = [_axis_title(column) for column in COLUMNS]
+    titles = [QUANTITIES[column].title for column in COLUMNS]
     plot = Plot(titles, "time after the trigger (ms)", HEIGHT * len(COLUMNS))
     for index, condition in enumerate(contents.conditions):
         first = True
@@ -161,7 +161,7 @@ def force_on_deflection(contents: Contents) -> Plot:
     strings = {each.comparison.string for each in contents.conditions if each.comparison}
     several = any(each.rig.more_choirs for each in contents.conditions)
     which = f" with string {' or '.join(map(str, sorted(strings)))}" if strings and several else ""
-    plot = Plot([_axis_title("force")], f"key deflection from contact{which} (mm)", 420)
+    plot = Plot([QUANTITIES["force"].title], f"key deflection from contact{which} (mm)", 420)
     for index, condition in enumerate(contents.conditions):
         first, string = True, condition.comparison.string if condition.comparison else 1
         for record in condition.presses:
@@ -201,11 +201,6 @@ def over_session(contents: Contents, columns: Sequence[Course]) -> Plot:
         )
     plot.set_x(tick0=numbers[0], dtick=-(-len(numbers) // 10))  # integers
     return plot
-
-
-def _axis_title(column: str) -> str:
-    quantity = QUANTITIES[column]
-    return quantity.title(quantity.displayed[1])
 
 
 def _hover(record: PressRecord, text: str) -> str:

@@ -14,6 +14,7 @@ from sautereau.analysis.press.features import (
     by_string,
     column,
     gain_stds,
+    quantity_of,
     split_column,
     std_of,
     title_of,
@@ -80,12 +81,11 @@ def feature_table(found: SessionAnalysis[PressRecord]) -> dict[str, Any]:
         pooled = {one.name: one for one in found.conditions[0].features}
         means, stds = [], []
         for name in columns:
-            one, feature = pooled.get(name), split_column(name)[0]
-            scale, _ = QUANTITIES[feature].displayed
+            one, scale = pooled.get(name), quantity_of(name).displayed[0]
             if one is None or one.std is None:
                 means, stds = [*means, NONE], [*stds, NONE]
                 continue
-            means.append(f"{one.measured.value * scale:.{DIGITS[feature]}f}")
+            means.append(f"{one.measured.value * scale:.{DIGITS[split_column(name)[0]]}f}")
             stds.append(f"{float(f'{one.std * scale:.2g}'):g}")
         feet = [("mean", means), ("standard deviation", stds)]
     return {"heads": [title_of(name, strings) for name in columns], "rows": rows, "feet": feet}
@@ -94,8 +94,7 @@ def feature_table(found: SessionAnalysis[PressRecord]) -> dict[str, Any]:
 def _value(features: Row, name: str) -> float | None:
     """Return a feature of a press in the displayed unit; None without one."""
     value = features.get(name)
-    scale, _ = QUANTITIES[split_column(name)[0]].displayed
-    return value * scale if isinstance(value, int | float) else None
+    return value * quantity_of(name).displayed[0] if isinstance(value, int | float) else None
 
 
 def _cell(features: Row, name: str) -> str:
@@ -104,10 +103,9 @@ def _cell(features: Row, name: str) -> str:
     if value is None:
         return NONE
     feature, pluck = split_column(name)
-    std = features.get(column(f"{feature}_std", pluck))
-    scale, _ = QUANTITIES[feature].displayed
+    std = _value(features, column(f"{feature}_std", pluck))
     text = f"{value:.{DIGITS[feature]}f}"
-    return f"{text} ± {std * scale:#.2g}".rstrip(".") if isinstance(std, int | float) else text
+    return text if std is None else f"{text} ± {std:#.2g}".rstrip(".")
 
 
 @dataclass(frozen=True)
@@ -129,7 +127,7 @@ def courses(presses: Sequence[PressRecord]) -> list[Course]:
     gains = [gain_stds(press.press.rig) for press in presses]
     every = range(1, len(strings) + 1)
     for name in (column(n, k) for n in COURSE for k in (every if n in OF_PLUCK else (1,))):
-        scale, _ = QUANTITIES[split_column(name)[0]].displayed
+        scale, _ = quantity_of(name).displayed
         values = [_value(own, name) for own in features]
         stds = [std_of(own, name, gain) for own, gain in zip(features, gains, strict=True)]
         shown = [None if std is None else std * scale for std in stds]

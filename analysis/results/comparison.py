@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.model.choirs import string_names
-from sautereau.analysis.press.features import split_column, title_of
+from sautereau.analysis.press.features import quantity_of, split_column, title_of
 from sautereau.analysis.results.result import Result, frame_of, json_of, plain, shown
 from sautereau.analysis.session.compare import ERRORS, Mean, listed_contributions
 from sautereau.analysis.session.compare import Comparison as Compared
@@ -299,7 +299,7 @@ def _drift_lines(found: Condition) -> list[str]:
         and one.drift
         and one.drift.significant
         and not one.step
-        for scale in [QUANTITIES[split_column(one.name)[0]].displayed[0]]
+        for scale in [quantity_of(one.name).displayed[0]]
     ]
 
 
@@ -322,7 +322,7 @@ def pair_lines(found: Pair) -> list[str]:
 
 def _difference_cells(one: Difference, strings: Sequence[str]) -> tuple[str, ...]:
     """Return a feature, its two means, their difference, the half-width of its interval, a mark."""
-    scale, _ = QUANTITIES[split_column(one.name)[0]].displayed
+    scale, _ = quantity_of(one.name).displayed
     means = (f"{each.measured.value * scale:.5g}" for each in (one.first, one.second))
     half = "-" if one.high is None else f"{(one.high - one.value) * scale:.3g}"
     mark = "*" if one.significant else ""
@@ -378,7 +378,7 @@ def feature_cells(feature: PooledFeature, strings: Sequence[str]) -> tuple[str, 
     Args:
         strings: Names of the rig's strings.
     """
-    scale, _ = QUANTITIES[split_column(feature.name)[0]].displayed
+    scale, _ = quantity_of(feature.name).displayed
     ends = _ends(feature.measured)
     interval = f"{ends[0] * scale:.5g} to {ends[1] * scale:.5g}" if ends else NO_INTERVAL
     predicted = "" if feature.predicted is None else f"{feature.predicted * scale:.5g}"

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects, fit_effects, in_order
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.palette import BEFORE, DASHES, GRID, MARKERS, MEASURED, SERIES
-from sautereau.analysis.press.features import by_string, split_column, title_of
-from sautereau.analysis.results.result import Result, frame_of, json_of, shown
+from sautereau.analysis.press.features import by_string, quantity_of, split_column, title_of
+from sautereau.analysis.results.result import Result, drawing, frame_of, json_of, shown
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing, what_is_alike
 from sautereau.analysis.session.repeatability import interval
 from sautereau.analysis.text import SOME_SIMULATED, counted, table
 from sautereau.rig.faults import fault_list
-from sautereau.rig.quantities import QUANTITIES
 from sautereau.trajectory.motion import Floats
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ class Effects(Result):
             "presses": len(self.blocks),
             "blocks": len(set(self.blocks.tolist())),
             "factors": {name: list(levels) for name, levels in self.order.items()},
-            "units": {name: _unit(name) for name in self.fitted},
+            "units": {name: quantity_of(name).unit for name in self.fitted},
             "effects": {name: json_of(fit, "residuals") for name, fit in self.fitted.items()},
             "notes": list(self.notes),
         }
@@ -93,7 +92,7 @@ class Effects(Result):
             for e in factor.effects
         ]
         columns = ("name", "factor", "level", "value", "low", "high", "std", "degrees")
-        units = {name: _unit(name) for name in self.fitted}
+        units = {name: quantity_of(name).unit for name in self.fitted}
         return frame_of(rows, columns, ["name", "factor", "level"], units)
 
     def plot(self) -> "Figure":
@@ -103,14 +102,12 @@ class Effects(Result):
         without the effects of the other factors. That of an interaction has the mean of each
         combination.
         """
-        from matplotlib.figure import Figure
-
         count = max(len(fit.factors) for fit in self.fitted.values())
         size = (max(6.4, 4.2 * count), 0.8 + 2.4 * len(self.fitted))  # inches
-        figure = Figure(figsize=size, layout="constrained")
+        figure = drawing(*size)
         panels = figure.subplots(len(self.fitted), count, sharey="row", squeeze=False)
         for number, (name, fit) in enumerate(self.fitted.items()):
-            scale, _ = QUANTITIES[split_column(name)[0]].displayed
+            scale, _ = quantity_of(name).displayed
             for axes, factor in zip(panels[number], fit.factors, strict=False):
                 if factor.means:
                     _levels(axes, factor, self.factors[factor.name], fit.residuals, scale)
@@ -217,12 +214,8 @@ def _ordered(levels: Sequence[str], alike: Sequence[Mapping[str, Any]]) -> tuple
     return tuple(first)
 
 
-def _unit(name: str) -> str:
-    return QUANTITIES[split_column(name)[0]].unit
-
-
 def _fitted_lines(name: str, fit: FittedEffects) -> list[str]:
-    scale, _ = QUANTITIES[split_column(name)[0]].displayed
+    scale, _ = quantity_of(name).displayed
     lines = [f"{title_of(name)}, {counted(fit.presses, 'press')}, {fit.model}:"]
     for factor in fit.factors:
         p_value = "p < 0.0001" if factor.p_value < 1e-4 else f"p = {factor.p_value:.2g}"

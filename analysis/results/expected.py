@@ -25,7 +25,7 @@ from sautereau.analysis.identify.parameters import (
     value_of,
 )
 from sautereau.analysis.model.predict import expected_of
-from sautereau.analysis.results.result import Result, frame_of, named, plain, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, named, plain, shown
 from sautereau.analysis.text import counted, in_rig_units, table
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
@@ -128,9 +128,7 @@ class Expected(Result):
 
     def plot(self) -> "Figure":
         """Return a figure of the uncertainties of each choice over the needed ones."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(10, 0.5 * len(self.choices) + 2), layout="constrained")
+        figure = drawing(10, 0.5 * len(self.choices) + 2)
         axes, at = figure.subplots(), np.arange(len(self.choices))[::-1]
         for number, p in enumerate(self.parameters):
             ratios = [(c.stds[p.name] or np.nan) / p.needed for c in self.choices]

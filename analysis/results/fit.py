@@ -22,7 +22,15 @@ from sautereau.analysis.identify.information import IDENTIFIABLE
 from sautereau.analysis.identify.parameters import CONTACT, rig_numbers, rig_values, values_of_rig
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.results.prediction import Predicted, predicted
-from sautereau.analysis.results.result import Result, frame_of, json_of, named, plain, shown
+from sautereau.analysis.results.result import (
+    Result,
+    drawing,
+    frame_of,
+    json_of,
+    named,
+    plain,
+    shown,
+)
 from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.session.conditions import doubtful_presses
 from sautereau.analysis.text import (
@@ -276,9 +284,7 @@ class Fit(Result):
 
     def plot(self) -> "Figure":
         """Return the first press's force, the residuals of all, correlation and combinations."""
-        from matplotlib.figure import Figure
-
-        figure, found = Figure(figsize=(12, 6.5), layout="constrained"), self.found
+        figure, found = drawing(12, 6.5), self.found
         several = len(found.estimates) > 1
         grid = figure.add_gridspec(2, 1 + several, width_ratios=(1.6, 1)[: 1 + several])
         top, below = (figure.add_subplot(grid[row, 0]) for row in (0, 1))

@@ -19,7 +19,7 @@ from sautereau.analysis.model.choirs import choirs, hold, key_of, level_name
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.predict import string_force_of
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.rig.disk import write_durably
 from sautereau.rig.errors import require
 from sautereau.rig.instrument import Choir
@@ -119,11 +119,9 @@ class ForceMap(Result):
 
     def plot(self) -> "Figure":
         """Return a figure of both branches at the least and the largest speed."""
-        from matplotlib.figure import Figure
-
         from sautereau.analysis.figures.palette import BEFORE, GRID, PREDICTED
 
-        figure = Figure(figsize=(9, 5), layout="constrained")
+        figure = drawing(9, 5)
         axes = figure.subplots()
         branches = (self.pressed, "pressed", BEFORE), (self.returning, "returning", PREDICTED)
         for force, name, colour in branches:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sautereau.analysis.figures.palette import PRESSED, PURPLE
-from sautereau.analysis.results.result import Result, frame_of, plain, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, plain, shown
 from sautereau.analysis.text import table
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import follow_key
@@ -111,10 +111,9 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
     limit excludes are hatched. If the region leaves room above the key, the neighbourhood of
     the best base is enlarged there.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle
 
-    figure = Figure(figsize=(12, 6.6), layout="constrained")
+    figure = drawing(12, 6.6)
     axes = figure.add_subplot()
     levels = _levels(area, mount)
     filled = _draw_residual(axes, area, mount, levels)

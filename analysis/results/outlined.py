@@ -12,7 +12,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.outline.measure import Given, Known, Measured, Ruler, measure
 from sautereau.analysis.outline.picture import read_photo, silhouette
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.text import table
 from sautereau.rig.disk import write_durably
 from sautereau.rig.faults import fault_list
@@ -115,9 +115,7 @@ class Outlined(Result):
 
     def plot(self) -> "Figure":
         """Return the photograph with contour, clamp and mesh, complete and near clamp and tip."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(12, 9), layout="constrained")
+        figure = drawing(12, 9)
         axes = figure.subplot_mosaic("AA;BC")
         for own in axes.values():
             self._draw(own)

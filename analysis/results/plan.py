@@ -10,7 +10,7 @@ import numpy as np
 from sautereau.analysis.figures.palette import ARM, GRAIN, LASER, PHASES, PRESSED, SKY
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import expected_of, predict
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.text import check_cells, counted, relative_margin, table
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
@@ -202,9 +202,7 @@ def plan_figure(rig: Rig, trajectory: Trajectory, expected: Expectation | None) 
     Args:
         expected: Predicted force on the finger, contact and release; None if unknown.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(14, 9), layout="constrained")
+    figure = drawing(14, 9)
     grid = figure.add_gridspec(3, 2, width_ratios=(1.35, 1))
     scene, zoom = figure.add_subplot(grid[:2, 0]), figure.add_subplot(grid[2, 0])
     jack = figure.add_subplot(grid[0, 1])

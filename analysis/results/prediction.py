@@ -16,8 +16,9 @@ from sautereau.analysis.identify.parameters import ENDS, rig_numbers, split_name
 from sautereau.analysis.model import predict as model
 from sautereau.analysis.model.choirs import hold, string_names
 from sautereau.analysis.model.string.string import first_mode_release_speed
-from sautereau.analysis.results.result import Result, frame_of, named, part_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, named, part_of, shown
 from sautereau.analysis.session.compare import pluck_features
+from sautereau.analysis.session.repeatability import student
 from sautereau.analysis.text import counted, table
 from sautereau.rig.disk import read_limited, why_unreadable
 from sautereau.rig.document import flat, rig_document
@@ -111,15 +112,13 @@ class Predicted(Result):
 
     def plot(self) -> "Figure":
         """Return a figure of the distribution of each quantity."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(12, 6), layout="constrained")
+        figure = drawing(12, 6)
         panels = figure.subplots(-(-len(self.intervals) // 3), 3).ravel()
         for axes, own, draws in zip(panels, self.intervals, self.draws.T, strict=True):
-            scale, unit = QUANTITIES[own.name].displayed
+            scale, _ = QUANTITIES[own.name].displayed
             axes.hist(draws * scale, bins=24)
             axes.axvline(own.value * scale, color="black")
-            axes.set(xlabel=QUANTITIES[own.name].title(unit), ylabel="draws")
+            axes.set(xlabel=QUANTITIES[own.name].title, ylabel="draws")
         return shown(figure)
 
 
@@ -227,8 +226,6 @@ def of_outline(rig: Rig, level: str = "auto", string: int = 1) -> Predicted | No
         AnalysisError: Less than nine of ten members have a pluck.
         ModelError: The model has no solution for the outline.
     """
-    from scipy.special import stdtrit
-
     outlines = members(rig)
     if not outlines:
         return None
@@ -250,7 +247,7 @@ def of_outline(rig: Rig, level: str = "auto", string: int = 1) -> Predicted | No
             " photograph the plectrum more sharply"
         )
     std = drawn.std(axis=0, ddof=1)
-    photograph = stdtrit(len(drawn) - 1, 0.975) * std
+    photograph = student(len(drawn) - 1) * std
     change = np.nan_to_num(of_material - value)  # without a pluck at an end
     lower, upper = (np.sqrt(np.sum(f(change, 0) ** 2, axis=0)) for f in (np.minimum, np.maximum))
     rows = zip(

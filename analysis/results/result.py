@@ -97,6 +97,13 @@ def frame_of(
     return frame
 
 
+def drawing(width: float, height: float) -> "Figure":
+    """Return an empty figure of a size in inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
 def shown(figure: "Figure") -> "Figure":
     """Return a figure that notebooks show without pyplot."""
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sautereau.analysis.results.result import Shown
+from sautereau.analysis.results.result import Shown, frame_of
 from sautereau.rig import load, schema
 from sautereau.rig.document import flat, named_values
 from sautereau.rig.errors import RigError
@@ -52,17 +52,14 @@ class Rig(Shown):
 
     def to_frame(self) -> "pd.DataFrame":
         """Return every value by its dotted key, with its unit and its source or assumed range."""
-        import pandas as pd
-
         values = flat(load.rig_document(self.values))
         units = {key: unit_of(schema.Rig, key.split("."), self.values) or "" for key in values}
         sources = dict(self.values.sources)
         for key, ends in self.values.assumed.items():
             low, high = (f"{end:.12g} {units.get(key, '')}".strip() for end in ends)
             sources.setdefault(key, f"assumed, {low} to {high}")
-        rows = [(value, units[key], sources.get(key, "")) for key, value in values.items()]
-        index = pd.Index(values, name="key")
-        return pd.DataFrame(rows, index, columns=["value", "unit", "source"])
+        rows = [(key, value, units[key], sources.get(key, "")) for key, value in values.items()]
+        return frame_of(rows, ("key", "value", "unit", "source"), "key")
 
     def with_values(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> "Rig":
         """Return the rig with other values.

@@ -26,7 +26,7 @@ from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.press.features import FROM_REST, Row, by_string, column
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.session.analysed import analyse_file
 from sautereau.analysis.session.compare import Mean, mean_of, pluck_features
 from sautereau.analysis.text import SOME_SIMULATED, counted, table
@@ -120,7 +120,7 @@ class Survey(Result):
         """Return a table for each string, predicted and measured, and the evenness."""
         lines = [SOME_SIMULATED] * self.simulated
         for (string, source), found in self._series().items():
-            titles = [QUANTITIES[e.name].title(QUANTITIES[e.name].displayed[1]) for e in found]
+            titles = [QUANTITIES[e.name].title for e in found]
             heads = [["key"], *(wrap(title, HEAD) for title in titles)]
             deep = max(map(len, heads))
             rows = []
@@ -172,11 +172,9 @@ class Survey(Result):
 
     def plot(self) -> "Figure":
         """Return a figure of each quantity over the keys, with outliers by name."""
-        from matplotlib.figure import Figure
-
         from sautereau.analysis.figures.palette import GRID, MARKERS, SERIES
 
-        figure = Figure(figsize=(12, 2.6 * len(EVEN)), layout="constrained")
+        figure = drawing(12, 2.6 * len(EVEN))
         order = list(dict.fromkeys(each.key for each in self.keys))
         panels: dict[str, Axes] = dict(
             zip(EVEN, figure.subplots(len(EVEN), 1, sharex=True), strict=True)
@@ -195,7 +193,7 @@ class Survey(Result):
                     if each.key in own.outliers:
                         axes.annotate(each.key, (place, value), fontsize=8)
         for name, axes in panels.items():
-            axes.set_ylabel(QUANTITIES[name].title(QUANTITIES[name].displayed[1]), fontsize=8)
+            axes.set_ylabel(QUANTITIES[name].title, fontsize=8)
             axes.grid(color=GRID, lw=0.7)
         panels[TOUCH[0]].legend(frameon=False, fontsize=8, ncols=4)
         panels[EVEN[-1]].set_xticks(range(len(order)), order, rotation=90, fontsize=7)

@@ -10,7 +10,7 @@ import numpy as np
 from sautereau.analysis.figures.palette import DASHES, SERIES
 from sautereau.analysis.model.batch import DERIVED, PredictionBatch, predict_many
 from sautereau.analysis.model.pluck.paths import Status
-from sautereau.analysis.results.result import Shown, shown
+from sautereau.analysis.results.result import Shown, drawing, shown
 from sautereau.rig.document import full_key
 from sautereau.rig.errors import RigError, require
 from sautereau.rig.faults import unit_of
@@ -71,9 +71,7 @@ class Sweep(Shown):
 
     def plot(self) -> "Figure":
         """Return a figure over the first value, with a line for each of the others."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(12, 4.5), layout="constrained")
+        figure = drawing(12, 4.5)
         (key, along), *others = self.values.items()
         texts = (
             [f"{key} {readable_quantity(value, _unit(key))}" for value in values.tolist()]
@@ -83,12 +81,12 @@ class Sweep(Shown):
         factor, name_of_unit = DISPLAYED.get(unit := _unit(key), (1.0, unit))
         panels = figure.subplots(1, len(SHOWN))
         for axes, name in zip(panels, SHOWN, strict=True):
-            scale, unit = QUANTITIES[name].displayed
+            scale, _ = QUANTITIES[name].displayed
             over = getattr(self.batch, name).reshape(len(along), -1) * scale
             for line, (values, label) in enumerate(zip(over.T, labels, strict=True)):
                 style = {"color": SERIES[line % len(SERIES)], "ls": DASHES[line % len(DASHES)]}
                 axes.plot(along * factor, values, label=label, **style)
-            axes.set(xlabel=f"{key} ({name_of_unit})", ylabel=QUANTITIES[name].title(unit))
+            axes.set(xlabel=f"{key} ({name_of_unit})", ylabel=QUANTITIES[name].title)
             axes.grid(alpha=0.3)
         if 1 < len(labels) <= LISTED:
             handles, _ = panels[0].get_legend_handles_labels()

@@ -9,7 +9,7 @@ from sautereau.analysis.campaign.judged import Judged
 from sautereau.analysis.campaign.row import LEVELS
 from sautereau.analysis.campaign.touch import FELT, Felt, Touch
 from sautereau.analysis.figures.palette import GRID, MARKERS, SERIES
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.session.repeatability import Spread, interval
 from sautereau.analysis.text import SOME_SIMULATED, counted, table
 from sautereau.rig.quantities import QUANTITIES
@@ -59,8 +59,8 @@ class JudgedTouch(Result):
         )
         for name, felt in found.felt.items():
             quantity = QUANTITIES[name]
-            scale, unit = quantity.displayed
-            heads = ("plectrum", "tip (N/m)", "presses", quantity.title(unit))
+            scale, _ = quantity.displayed
+            heads = ("plectrum", "tip (N/m)", "presses", quantity.title)
             cells = [
                 (
                     p.name,
@@ -95,9 +95,7 @@ class JudgedTouch(Result):
 
     def plot(self) -> "Figure":
         """Return a figure: each quantity over the tip's stiffness, and all standard deviations."""
-        from matplotlib.figure import Figure
-
-        figure, found = Figure(figsize=(13, 7.5), layout="constrained"), self.found
+        figure, found = drawing(13, 7.5), self.found
         panels = figure.subplots(2, 2).ravel()
         for axes, (name, felt) in zip(panels, found.felt.items(), strict=False):
             _felt_over_stiffness(axes, found, name, felt)
@@ -142,9 +140,9 @@ def judged_lines(found: Judged) -> list[str]:
     if found.quantities:
         means, rows = [], []
         for name, one in found.quantities.items():
-            scale, unit = QUANTITIES[name].displayed
+            scale, _ = QUANTITIES[name].displayed
             own = (f"{scale * one.means[k]:.4g}" if k in one.means else "-" for k in LEVELS)
-            means.append((QUANTITIES[name].title(unit), *own))
+            means.append((QUANTITIES[name].title, *own))
             odds = "no overlap" if one.separated else interval(one.odds_ratio, digits=2)
             association = interval(one.somers_d, digits=2)
             rows.append((QUANTITIES[name].label, association, odds, f"{one.q_value:.2g}"))
@@ -159,13 +157,13 @@ def judged_lines(found: Judged) -> list[str]:
 
 
 def _felt_over_stiffness(axes: "Axes", found: Touch, name: str, felt: Felt) -> None:
-    scale, unit = QUANTITIES[name].displayed
+    scale, _ = QUANTITIES[name].displayed
     with_it = [plectrum for plectrum in found.plectra if name in plectrum.felt]
     stiffness = [plectrum.tip_stiffness for plectrum in with_it]
     spreads = [plectrum.felt[name] for plectrum in with_it]
     forces = [scale * spread.value for spread in spreads]
     axes.errorbar(stiffness, forces, _bars(spreads, scale), **STYLES[name])
-    axes.set_ylabel(QUANTITIES[name].title(unit))
+    axes.set_ylabel(QUANTITIES[name].title)
     axes.set_xlabel("plectrum stiffness at the tip (N/m)")
     exponents = ", ".join(
         f"{column.removeprefix('plectrum_')}^{e.value:.2f} ({e.low:.2f} to {e.high:.2f})"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sautereau.analysis.figures import palette
-from sautereau.analysis.results.result import Result, frame_of, part_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, part_of, shown
 from sautereau.analysis.text import SOME_SIMULATED, counted, grouped, table
 from sautereau.analysis.transient.attribute import Attributed, Source
 from sautereau.analysis.transient.evidence import Examined, ObservedMode, Oscillation
@@ -102,9 +102,7 @@ class Transient(Result):
 
     def plot(self) -> "Figure":
         """Return a figure: the first press without its slow part, frequencies, probabilities."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(13, 9.5), layout="constrained")
+        figure = drawing(13, 9.5)
         grid = figure.add_gridspec(3, 3, height_ratios=(1, 1, 1.2), wspace=0.06)
         for column, phase in enumerate(("free", "held", "released")):
             for row in range(2):

@@ -16,7 +16,7 @@ from sautereau.analysis.outline.carve import Carving, Knife, carve, carving
 from sautereau.analysis.outline.measure import Edges
 from sautereau.analysis.results.prediction import OF_OUTLINE, Predicted, of_outline
 from sautereau.analysis.results.prediction import quantities as quantities_of_press
-from sautereau.analysis.results.result import Result, frame_of, shown
+from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.text import table
 from sautereau.rig.csv_files import read_columns
 from sautereau.rig.disk import write_durably
@@ -176,11 +176,9 @@ class Voiced(Result):
 
     def plot(self) -> "Figure":
         """Return outline, force, initial string and bridge force, before and after the cut."""
-        from matplotlib.figure import Figure
-
         from sautereau.analysis.figures.palette import BEFORE, GRID, ORANGE, PREDICTED
 
-        figure = Figure(figsize=(12, 8), layout="constrained")
+        figure = drawing(12, 8)
         axes = figure.subplot_mosaic("AA;BC;DC")
         styles = ((BEFORE, "-", "before"), (PREDICTED, (0, (5, 1.5)), "after"))
         fine = self.cut.places

@@ -18,6 +18,7 @@ from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import Row, column, work_along
 from sautereau.analysis.press.string_start import predicted_start
 from sautereau.analysis.session.budget import Budget, Contribution, budget
+from sautereau.analysis.session.repeatability import student
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
@@ -230,14 +231,12 @@ def mean_of(values: Sequence[float]) -> Mean:
     Args:
         values: One or more, in any unit.
     """
-    from scipy.special import stdtrit
-
     count, mean = len(values), float(np.mean(values))
     if count < 2:
         return Mean(mean, None, None, "none")
     if count >= MANY and np.ptp(values) > 0:
         return Mean(mean, *_resampled(np.asarray(values)), "bootstrap")
-    half = float(stdtrit(count - 1, 0.975) * np.std(values, ddof=1) / np.sqrt(count))
+    half = float(student(count - 1) * np.std(values, ddof=1) / np.sqrt(count))
     return Mean(mean, mean - half, mean + half, "student")
 
 

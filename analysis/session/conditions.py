@@ -14,7 +14,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.model.predict import JackSpeed, Prediction, predict
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.features import by_string, gain_stds, split_column, title_of
+from sautereau.analysis.press.features import by_string, gain_stds, quantity_of, title_of
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.budget import bending_of
 from sautereau.analysis.session.compare import (
@@ -30,7 +30,6 @@ from sautereau.analysis.session.repeatability import LEAST, Repeatability, Step,
 from sautereau.rig.document import flat, values_of
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.faults import unit_of
-from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.ranges import value_of
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity, readable_quantity
@@ -280,7 +279,7 @@ def _step_text(
     feature: PooledFeature, step: Step, strings: Sequence[str], presses: Sequence[AnalysedPress]
 ) -> str:
     """Return which feature changed between which of the presses that have it."""
-    scale, unit = QUANTITIES[split_column(feature.name)[0]].displayed
+    scale, unit = quantity_of(feature.name).displayed
     label = title_of(feature.name, strings).replace(f" ({unit})", "")
     last, next_one = (press.press.path.name for press in presses[step.before - 1 :][:2])
     return (

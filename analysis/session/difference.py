@@ -9,7 +9,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis, differing, label_of
 from sautereau.analysis.session.pooled import PooledFeature
-from sautereau.analysis.session.repeatability import COVERAGE
+from sautereau.analysis.session.repeatability import student
 
 
 @dataclass(frozen=True)
@@ -104,15 +104,13 @@ def difference(first: PooledFeature, second: PooledFeature) -> Difference:
 
     B. L. Welch, Biometrika 34 (1947): the variances of the two sets need not be equal.
     """
-    from scipy.special import stdtrit
-
     value, low, high = first.measured.value - second.measured.value, None, None
     if min(first.presses, second.presses) > 1:
-        variances = [np.var(one.values, ddof=1) / one.presses for one in (first, second)]
+        variances = [float(np.var(one.values, ddof=1)) / one.presses for one in (first, second)]
         total, free = sum(variances), [one.presses - 1 for one in (first, second)]
         reach = 0.0
         if total > 0:
             freedom = total**2 / sum(v**2 / n for v, n in zip(variances, free, strict=True))
-            reach = float(stdtrit(freedom, (1 + COVERAGE) / 2) * np.sqrt(total))
+            reach = float(student(freedom) * np.sqrt(total))
         low, high = value - reach, value + reach
     return Difference(first.name, first.unit, first, second, value, low, high)

@@ -32,6 +32,13 @@ class Spread:
     """Upper end of the 95 % interval."""
 
 
+def student(degrees: float) -> float:
+    """Return half the width of Student's interval over the standard error."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees, (1 + COVERAGE) / 2))
+
+
 def interval(spread: Spread | None, scale: float = 1.0, digits: int = 4) -> str:
     """Return a figure with its interval: `0.34 (0.3 to 0.38)`; `-` for None."""
     if spread is None:
@@ -144,11 +151,9 @@ def trend_of(values: Floats) -> Trend:
     Args:
         values: Values of three or more presses in their order, shape (presses,).
     """
-    from scipy.special import stdtrit
-
     number, slope, left = _line(values)
     error = np.sqrt(left @ left / (len(values) - 2) / (number @ number))
-    reach = float(stdtrit(len(values) - 2, (1 + COVERAGE) / 2) * error)
+    reach = float(student(len(values) - 2) * error)
     return Trend(slope, slope - reach, slope + reach)
 
 

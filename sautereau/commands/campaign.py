@@ -106,8 +106,7 @@ def touch(
     table = read_campaign(file)
     if labels is not None:
         table = with_labels(table, labels)
-    found = JudgedTouch(find_touch(table), find_judged(table))
-    return output.answer(found.document, found.lines(), plot, draw=found.plot)
+    return output.show(JudgedTouch(find_touch(table), find_judged(table)), plot)
 
 
 def effects(
@@ -135,10 +134,7 @@ def effects(
     names = [name.strip() for name in of.split(",") if name.strip()] or DEFAULT
     with output.progress("reading recordings"):
         session, faults = open(files).readable(processes=None)
-    found = session.effects(names, interaction=interaction)
-    return output.answer(
-        found.document | {"faults": faults}, found.lines(), plot, faults, draw=found.plot
-    )
+    return output.show(session.effects(names, interaction=interaction), plot, faults)
 
 
 _TABLE = common.read_as("a table of keys", ".csv", ".toml")
@@ -189,5 +185,4 @@ def survey(
     where = cluster or processes or worthwhile(heavy, WORTH_A_PROCESS)
     with output.progress("predicting and reading"):
         made = survey(keys, recordings, level, where)
-    made = replace(made, warnings=(*made.warnings, *warnings))
-    return output.answer(made.document, made.lines(), plot, draw=made.plot)
+    return output.show(replace(made, warnings=(*made.warnings, *warnings)), plot)

@@ -57,8 +57,10 @@ def phases(
     lines = [HEADER, *(p.line for p in session)]
     lines += [f"warning: {text}" for text in grouped(warnings, "press")]
     lines += remark_lines(remarks, output.verbose, "--verbose")
+    if plot:
+        save_plot(plot, session.plot())
     result = {"files": [p.document for p in session], "faults": texts}
-    return output.answer(result, lines, plot, texts, draw=session.plot)
+    return output.answer(result, lines, plot, texts)
 
 
 def compare(
@@ -102,7 +104,7 @@ def compare(
     if not (other or any(condition.comparison for condition in conditions)):
         raise AnalysisError("\n".join(w for condition in conditions for w in condition.warnings))
     lines = [*([SOME_SIMULATED] * found.found.simulated), *found.lines(remarks=output.verbose)]
-    return output.answer(found.document | {"faults": faults}, lines, plot, faults, draw=found.plot)
+    return output.show(found, plot, faults, lines=lines)
 
 
 def identify(
@@ -206,9 +208,7 @@ def transient(
         )
     faults += [str(error) for _, error in others]
     found = Transient(tuple(examined), tuple(attribute(combine(examined), rig, measured)))
-    return output.answer(
-        found.document | {"faults": faults}, found.lines(), plot, faults, draw=found.plot
-    )
+    return output.show(found, plot, faults)
 
 
 def _known(texts: list[str]) -> "dict[Source, list[float]]":

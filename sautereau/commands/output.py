@@ -17,6 +17,8 @@ from sautereau.analysis.text import wrapped
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from sautereau.analysis.results.result import Result
+
 SCHEMA = 1  # Version of the JSON that commands print; raised when a key changes its name or meaning
 ESTIMATED_OVER = 600.0  # s, over which the speed is averaged that gives the time left
 READ_ONLY = "no permission to write into it"
@@ -72,6 +74,24 @@ class Output:
         elif not self.quiet:
             _write(wrapped("\n".join(lines)))
         return self.fail("\n".join(faults)) if faults else 0
+
+    def show(
+        self,
+        found: "Result",
+        plot: Path | None,
+        faults: list[str] | None = None,
+        *,
+        lines: list[str] | None = None,
+    ) -> int:
+        """Save the plot of a result, if one is requested, and print the result as `answer` does.
+
+        Args:
+            faults: Those of `answer`, which the JSON lists as well; None where there can be none.
+            lines: The result as text; None for its own.
+        """
+        document = found.document if faults is None else found.document | {"faults": faults}
+        lines = found.lines() if lines is None else lines
+        return self.answer(document, lines, plot, faults or (), draw=found.plot)
 
     def say(self, text: str, *, as_it_is: bool = False) -> None:
         """Print a text while a command runs, unless its answer is JSON.

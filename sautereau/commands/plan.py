@@ -73,7 +73,7 @@ def plan(
                 force_noise=force_noise,
                 velocity_noise=velocity_noise,
             )
-        return output.answer(expected.document, expected.lines(), plot, draw=expected.plot)
+        return output.show(expected, plot)
     if useless := [name for name, value in {"--speed": speed, "--prior": prior}.items() if value]:
         return output.fail(f"{', '.join(useless)}: only with --identify", 2)
     made = _made(rig, learned)
@@ -191,13 +191,11 @@ def predict(
         with output.progress("predicting"):
             found = mapped(Rig(rig).values, level)
         found.write(force_map)
-        return output.answer(
-            found.document, [*found.lines(), f"map: {force_map}"], plot, draw=found.plot
-        )
+        return output.show(found, plot, lines=[*found.lines(), f"map: {force_map}"])
     if fit:
         with output.progress("predicting"):
             own = predicted(Rig(rig).values, *read_distribution(fit), level=level)
-        return output.answer(own.document, own.lines(), plot, draw=own.plot)
+        return output.show(own, plot)
     with output.progress("predicting"):
         found = Rig(rig).predict(level=level)
     document, lines = found.document, found.lines()

@@ -69,17 +69,14 @@ def signals_stop() -> Iterator[None]:
     def interrupt(number: int, _frame: object) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
-    names = [name for name in ENDING if _is_default(name)]
-    before = _handle(names, interrupt)
-    interrupted = False
+    before = _handle([name for name in ENDING if _is_default(name)], interrupt)
     try:
         yield
     except KeyboardInterrupt:
-        interrupted = True
+        before.clear()
         raise
     finally:
-        if not interrupted:
-            _restore(before)
+        _restore(before)
 
 
 @contextmanager

@@ -80,13 +80,11 @@ class SessionReport(Observer):
     def watching(self) -> Iterator[Watch]:
         """Show progress, or live views, while the presses of one set-up are made."""
         where = self._pressing.bench.where
-        views = self._views
-        bar = not views.view and (self._pressing.plan.total or 0) > 1
+        views = [name for name in ("view", "live", "page") if getattr(self._views, name)]
+        bar = "view" not in views and (self._pressing.plan.total or 0) > 1
         with (
             self._output.progress("pressing", shown=bar) as self._show,
-            watching(
-                where, in_terminal=views.view, to_foxglove=views.live, on_page=views.page
-            ) as watch,
+            watching(where, views) as watch,
         ):
             yield watch
 

@@ -141,8 +141,6 @@ def _answer(
     found: "Outlined | Voiced", out: Path | None, plot: Path | None, output: FileOutput
 ) -> int:
     """Write the outline and the plot that are requested, and print the result."""
-    lines = found.lines()
     if out:
         found.write(out)
-        lines.append(f"outline: {out}")
-    return output.answer(found.document, lines, plot, draw=found.plot)
+    return output.show(found, plot, lines=[*found.lines(), *([f"outline: {out}"] if out else [])])

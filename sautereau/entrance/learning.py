@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sautereau.analysis.model.predict import expected_of
-from sautereau.analysis.results.result import Shown
+from sautereau.analysis.results.result import Shown, frame_of
 from sautereau.analysis.text import counted
 from sautereau.daq.file.reading import read_session
 from sautereau.entrance.devices import Connected, Devices, fresh_seed
@@ -114,10 +114,7 @@ class Learned(Shown):
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the RMS speed error of each press."""
-        import pandas as pd
-
-        index = pd.RangeIndex(1, len(self.errors) + 1, name="press")
-        return pd.DataFrame({"rms_speed_error": self.errors}, index)
+        return frame_of(enumerate(self.errors, 1), ("press", "rms_speed_error"), "press")
 
 
 class Learning:

@@ -8,6 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from benchmarks.campaign import write_presses
 from sautereau.analysis.loading.press import Press
+from sautereau.analysis.model.predict import predict
 from sautereau.trajectory.key import key_motion, rise_of_angle, rise_slope
 from sautereau.trajectory.motion import Motion
 
@@ -20,6 +21,12 @@ def campaign_folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign")
     write_presses(folder, 3, 2, 2)
     return folder
+
+
+@pytest.fixture(scope="session")
+def prediction(paper):
+    """What the model predicts of a press with the packaged rig."""
+    return predict(paper)
 
 
 @pytest.fixture(scope="session")

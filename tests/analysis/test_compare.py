@@ -97,11 +97,6 @@ def test_the_acceleration_changes_at_the_contact_of_another_string(paper):
     assert speed.at(np.interp([0.0301, 0.0599], time, rise))[1] == pytest.approx([0, -2], abs=0.01)
 
 
-@pytest.fixture(scope="module")
-def prediction(paper):
-    return predict(paper)
-
-
 def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
     """Return the phases of a measurement for given model errors."""
     predicted_slope, predicted_rise = predicted_features(prediction)

@@ -8,14 +8,8 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.comparison import comparison_figure
 from sautereau.analysis.figures.phases import phases_figure
-from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
 from tests.plots import texts
-
-
-@pytest.fixture(scope="module")
-def prediction(paper):
-    return predict(paper)
 
 
 @pytest.fixture(scope="module")

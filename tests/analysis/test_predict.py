@@ -11,11 +11,6 @@ from sautereau.rig.load import with_values
 from tests.key_oracle import dissipated_power, energy, slope, static_moment
 
 
-@pytest.fixture(scope="module")
-def prediction(paper):
-    return predict(paper)
-
-
 def test_released_string(paper, prediction):
     """Vosc = c h / (2 L b (1 - b)) = f h / (b (1 - b)); 0.46 m/s belongs to 0.226 mm."""
     assert release_speed(paper.string, 0.226e-3) == pytest.approx(0.46, rel=5e-3)

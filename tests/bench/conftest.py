@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 import warnings
@@ -112,3 +113,17 @@ def refusal(tmp_path, monkeypatch, capsys):
         )
 
     return run
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium, driven by Playwright; tests are skipped without."""
+    found = filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome")))
+    if not (chromium := next(found, None)):
+        pytest.skip("Chromium is not installed; on Debian: `apt install chromium`")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        # Chromium's sandbox is not available to root, and this page is trusted.
+        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield browser
+        browser.close()

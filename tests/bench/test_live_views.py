@@ -270,7 +270,7 @@ def test_the_views_run_in_their_own_process(capfd, monkeypatch):
 
     screen = Terminal()
     monkeypatch.setattr(sys, "stdout", screen)
-    with watching("rig paper", in_terminal=True, to_foxglove=False) as watch:
+    with watching("rig paper", ["view"]) as watch:
         watch(Stage("moving", "reading", 7))
         watch(samples(7))
         sys.stdout.write("press-0001.mcap\n")
@@ -286,7 +286,7 @@ def test_the_views_run_in_their_own_process(capfd, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("patient")
 def test_views_that_are_killed_stop_nothing_and_are_reported(capsys):
-    with watching("rig", in_terminal=True, to_foxglove=False) as watch:
+    with watching("rig", ["view"]) as watch:
         for process in active_children():
             if process.name == "live view":
                 process.kill()
@@ -302,13 +302,13 @@ def test_views_that_cannot_start_refuse_the_session(monkeypatch):
     monkeypatch.setattr("sautereau.commands.live.process._run", int)
     with (
         pytest.raises(LiveError, match="ended at the start; press without"),
-        watching("rig", in_terminal=True, to_foxglove=False),
+        watching("rig", ["view"]),
     ):
         pass
 
 
 def test_there_is_no_view_by_default():
-    with watching("rig", in_terminal=False, to_foxglove=False) as watch:
+    with watching("rig", []) as watch:
         assert watch(Fault("a")) is None
 
 

@@ -18,7 +18,7 @@ from sautereau.rig.load import load_rig
 from sautereau.robot.experiment.monitor import Fault, Feed, Made, Samples, Stage
 from sautereau.robot.experiment.plan import Plan, Row
 from sautereau.robot.experiment.session_folder import SessionFolder
-from tests.bench.test_report_browser import CHROMIUM, OVERLAPS, WIDE
+from tests.bench.browser import OVERLAPS, WIDE, observed
 from tests.budget import slow
 
 RIG = load_rig()
@@ -167,17 +167,6 @@ def hostile(write_session, tmp_path):
     return sorted(folder.glob("*.mcap"))
 
 
-@pytest.fixture
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("Chromium is not installed; on Debian: `apt install chromium`")
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
 @pytest.mark.parametrize(
     "looks",
     [
@@ -186,12 +175,7 @@ def browser():
     ],
 )
 def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile, looks):
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
-    faults, loaded = [], []
-    page.on("console", lambda message: faults.append(message.text))
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("dialog", lambda dialog: (faults.append(dialog.message), dialog.dismiss()))
-    page.on("request", lambda request: loaded.append((request.method, request.url)))
+    page, faults, requests = observed(browser)
     page.goto(view.address)
     view.show([Stage("moving", "reading", 1), samples(1), samples(1, 2048)], 0)
     view.show([Made(1, hostile[0])], 0)
@@ -228,8 +212,8 @@ def test_in_a_browser_narrow_wide_light_and_dark(view, browser, hostile, looks):
     view.__exit__()
     page.get_by_text("The session has ended, 2 made").wait_for()
     assert [fault for fault in faults if "ERR_" not in fault] == []
-    assert {method for method, _ in loaded} == {"GET"}
-    assert all(url.startswith((view.address, "data:", "blob:")) for _, url in loaded)
+    assert {request.method for request in requests} == {"GET"}
+    assert all(request.url.startswith((view.address, "data:", "blob:")) for request in requests)
     page.close()
 
 

@@ -1,7 +1,6 @@
 """The report in a real browser: it opens from a file, and its buttons work."""
 
 import re
-import shutil
 from contextlib import contextmanager
 from itertools import pairwise
 
@@ -14,48 +13,10 @@ from sautereau.commands.output import FileOutput
 from sautereau.rig.load import with_values
 from sautereau.robot.experiment.plan import Plan, Row
 from sautereau.robot.experiment.session_folder import SessionFolder
+from tests.bench.browser import MONOSPACED, OVERLAPS, WIDE, observed
 from tests.budget import slow
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 PRESSES = 4
-OVERLAPS = """() => {
-  const leaves = [...document.querySelectorAll("body *")].filter((e) =>
-    !e.closest("title, desc, script, style, option")
-    && e.checkVisibility({ visibilityProperty: true })
-    && [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim()));
-  const boxes = leaves.map((e) => [e, e.getBoundingClientRect()]).filter(([e, r]) =>
-    r.width > 1 && r.height > 1);
-  const overlaps = [];
-  boxes.forEach(([e, r], i) => boxes.slice(i + 1).forEach(([f, q]) => {
-    const wide = Math.min(r.right, q.right) - Math.max(r.left, q.left);
-    const high = Math.min(r.bottom, q.bottom) - Math.max(r.top, q.top);
-    if (wide > 2 && high > 3 && !e.contains(f) && !f.contains(e))
-      overlaps.push([e.textContent, f.textContent, wide, high]);
-  }));
-  const cut = boxes.filter(([e, r]) => {
-    const frame = e.closest(".plot, .picture svg")?.getBoundingClientRect();
-    return frame && (r.left < frame.left - 2 || r.right > frame.right + 2);
-  }).map(([e]) => e.textContent);
-  return { texts: boxes.length, overlaps, cut, wide: document.documentElement.scrollWidth };
-}"""
-"""Boxes of texts that overlap by more than 2 by 3 px, their number, texts that leave their picture
-by more than 2 px, and the page's width [px]."""
-WIDE = "* { letter-spacing: 0.12em !important }"
-MONOSPACED = "* { font-family: monospace !important }"
-"""Styles of a reader whose fonts are wide, whichever are installed."""
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="Chromium is not installed; on Debian: `apt install chromium`"
-)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        # Chromium's sandbox is not available to root, and this page is trusted.
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
@@ -73,16 +34,11 @@ def session(write_session, tmp_path_factory):
 @contextmanager
 def opened(browser, path, **options):
     """Open a page; errors, dialogs and requests to a network fail the test."""
-    page = browser.new_page(viewport={"width": 1200, "height": 900}, **options)
-    faults, loaded = [], []
-    page.on("console", lambda message: faults.append(message.text))
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("dialog", lambda dialog: (faults.append(dialog.message), dialog.dismiss()))
-    page.on("request", lambda request: loaded.append(request.url))
+    page, faults, requests = observed(browser, **options)
     load(page, path)
     yield page
     assert faults == []
-    assert [url for url in loaded if not url.startswith(("file:", "blob:", "data:"))] == []
+    assert all(request.url.startswith(("file:", "blob:", "data:")) for request in requests)
     page.close()
 
 

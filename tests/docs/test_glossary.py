@@ -33,9 +33,9 @@ def test_everything_that_is_reported_has_an_entry():
 
 
 def test_titles_have_the_unit_that_is_displayed():
-    assert QUANTITIES["release_force"].title() == "release force (N)"
-    assert QUANTITIES["pluck_duration"].title("ms") == "pluck duration (ms)"
-    assert QUANTITIES["plucks"].title() == "plucks"
+    assert QUANTITIES["release_force"].title == "release force (N)"
+    assert QUANTITIES["pluck_duration"].title == "pluck duration (ms)"
+    assert QUANTITIES["plucks"].title == "plucks"
     assert QUANTITIES["pluck_duration"].displayed == DISPLAYED["s"] == (1e3, "ms")
     assert QUANTITIES["free_speed"].displayed == (1.0, "m/s")
 

@@ -7,7 +7,7 @@ few milliseconds only, and drawing takes longer.
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from multiprocessing import get_context
@@ -20,33 +20,28 @@ from sautereau.robot.experiment.monitor import Feed, Seen, Watch
 
 
 @contextmanager
-def watching(
-    title: str, *, in_terminal: bool, to_foxglove: bool, on_page: bool = False
-) -> Iterator[Watch]:
+def watching(title: str, views: Collection[str]) -> Iterator[Watch]:
     """Yield the function to which a session reports its events; without a view it does nothing.
 
     Args:
         title: Title of the session.
-        in_terminal: Whether to show the session in the terminal.
-        to_foxglove: Whether to serve it to Foxglove on this machine.
-        on_page: Whether to serve it as a page to browsers on this machine.
+        views: Options of the command line: `view` shows it in the terminal, `live` serves it to
+            Foxglove, and `page` to browsers on this machine.
 
     Raises:
         LiveError: A view cannot start.
     """
-    if not (in_terminal or to_foxglove or on_page):
+    if not views:
         yield lambda seen: None
         return
     with ExitStack() as stack:
-        views = ViewProcess(
-            title, in_terminal=in_terminal, to_foxglove=to_foxglove, on_page=on_page
-        )
-        feed = Feed([views])
-        if in_terminal:
+        process = ViewProcess(title, views)
+        feed = Feed([process])
+        if "view" in views:
             stack.enter_context(_held_back())
         stack.callback(_report, feed)
-        stack.enter_context(views)
-        for instruction in views.instructions:
+        stack.enter_context(process)
+        for instruction in process.instructions:
             sys.stderr.write(f"{instruction}\n")
         yield stack.enter_context(feed)
 
@@ -84,10 +79,10 @@ class ViewProcess:
         LiveError: The views cannot start.
     """
 
-    def __init__(self, title: str, *, in_terminal: bool, to_foxglove: bool, on_page: bool = False):
+    def __init__(self, title: str, views: Collection[str]):
         context = get_context("spawn")
         self._pipe, self._theirs = context.Pipe()
-        arguments = (self._theirs, title, in_terminal, to_foxglove, on_page)
+        arguments = (self._theirs, title, views)
         self._process = context.Process(target=_run, args=arguments, name="live view", daemon=True)
         self.instructions: Sequence[str] = ()
         """How to open the views, for the operator."""
@@ -132,7 +127,7 @@ class ViewProcess:
             raise LiveError(fault)
 
 
-def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool, on_page: bool) -> None:
+def _run(pipe: Connection, title: str, wanted: Collection[str]) -> None:
     """Show everything received, until the other end of the pipe is closed."""
     # The session handles Ctrl-C and a closed terminal; the views end when it does.
     for name in ("SIGINT", "SIGHUP"):
@@ -140,7 +135,7 @@ def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool, on_
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     with ExitStack() as stack:
         try:
-            views = list(map(stack.enter_context, _views(title, in_terminal, to_foxglove, on_page)))
+            views = list(map(stack.enter_context, _views(title, wanted)))
         except (LiveError, MissingExtraError, OSError) as error:
             pipe.send((False, (str(error),)))
             return
@@ -158,19 +153,19 @@ def _run(pipe: Connection, title: str, in_terminal: bool, to_foxglove: bool, on_
                 return
 
 
-def _views(title: str, in_terminal: bool, to_foxglove: bool, on_page: bool) -> Iterator[Any]:
+def _views(title: str, wanted: Collection[str]) -> Iterator[Any]:
     """Yield the views that are requested, to be entered."""
-    if to_foxglove:
+    if "live" in wanted:
         from sautereau.commands.live.foxglove import FoxgloveView
 
         yield FoxgloveView(title)
-    if on_page:
+    if "page" in wanted:
         from sautereau.commands.live.page import PageView
 
         if hasattr(os, "nice"):
             os.nice(10)  # its reports take a processor; the press comes first
         yield PageView(title)
-    if in_terminal:
+    if "view" in wanted:
         from sautereau.commands.live.terminal import TerminalView
 
         yield TerminalView(title)

@@ -113,16 +113,14 @@ class Axis:
         """Ramp to the speed of JG, from rest or from another jog."""
         speed = self.jog_speed / motion.SAMPLES_PER_SECOND
         pieces = motion.jog(self.velocity, speed, self.rate("AC"), self.rate("DC"))
-        self.start(motion.Ramp(self.position, self.velocity, pieces, motion.StopCode.RUNNING))
+        self.start(motion.Ramp(self.position, self.velocity, pieces))
         self.jogging = True
 
     def begin_move(self, distance: float) -> None:
         """Start a trapezoid from rest over a distance [counts]."""
         pieces = motion.trapezoid(distance, self.speed("SP"), self.rate("AC"), self.rate("DC"))
         start = round(self.position)
-        self.start(
-            motion.Ramp(self.position, 0.0, pieces, motion.StopCode.RUNNING, start + distance)
-        )
+        self.start(motion.Ramp(self.position, 0.0, pieces, start + distance))
 
     def increment(self, distance: int) -> None:
         """IP in motion: move the end of a move, or the reference of a jog at once.
@@ -143,14 +141,14 @@ class Axis:
         end = profile.target + distance
         rates = self.rate("AC"), self.rate("DC")
         pieces = motion.trapezoid(end - self.position, self.speed("SP"), *rates, self.velocity)
-        self.start(motion.Ramp(self.position, self.velocity, pieces, motion.StopCode.RUNNING, end))
+        self.start(motion.Ramp(self.position, self.velocity, pieces, end))
 
     def stop(self, code: motion.StopCode, rate: str = "DC") -> None:
         """Decelerate from the present velocity, and clear the PVT buffer."""
         if self.profile is None:
             return
         pieces = motion.brake(self.velocity, self.rate(rate))
-        self.start(motion.Ramp(self.position, self.velocity, pieces, code))
+        self.start(motion.Ramp(self.position, self.velocity, pieces, code=code))
         self.fifo.clear()
 
     def halt(self, code: motion.StopCode) -> None:

@@ -73,8 +73,8 @@ class Ramp(Profile):
         position: Counts, at the start.
         velocity: Counts per sample, at the start.
         pieces: Durations [samples] and accelerations [counts per sample squared].
-        code: Stop code of the motion and of its end.
         target: Counts, of the end; None for the sum of the pieces.
+        code: Stop code of the motion and of its end.
     """
 
     def __init__(
@@ -82,8 +82,8 @@ class Ramp(Profile):
         position: float,
         velocity: float,
         pieces: list[tuple[float, float]],
-        code: StopCode,
         target: float | None = None,
+        code: StopCode = StopCode.RUNNING,
     ) -> None:
         self.code, self.done = code, not pieces
         self._position, self._velocity = position, velocity
@@ -92,8 +92,7 @@ class Ramp(Profile):
 
     def moved(self, distance: float) -> "Ramp":
         """Return what remains of it, from a place that lies further by some counts."""
-        pieces = list(self._pieces)
-        return Ramp(self._position + distance, self._velocity, pieces, self.code)
+        return Ramp(self._position + distance, self._velocity, list(self._pieces), code=self.code)
 
     def step(self) -> tuple[float, float]:
         left = 1.0
@@ -218,5 +217,5 @@ class Pvt(Profile):
             self._fifo.clear()
         self.code = StopCode.PVT_STARVED if segment is None else StopCode.PVT_COMPLETE
         pieces = brake(self._start_velocity, self._deceleration)
-        self._brake = Ramp(self._start, self._start_velocity, pieces, self.code)
+        self._brake = Ramp(self._start, self._start_velocity, pieces, code=self.code)
         self.done = self._brake.done

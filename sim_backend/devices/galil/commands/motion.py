@@ -74,7 +74,7 @@ class Search(Profile):
             return
         axis = self._axis
         self._found = leg.found
-        self._ramp = Ramp(axis.position, axis.velocity, leg.pieces, StopCode.RUNNING, leg.target)
+        self._ramp = Ramp(axis.position, axis.velocity, leg.pieces, leg.target)
 
 
 def _jog(axis: Axis, speed: float, found: Callable[[], bool]) -> Leg:
