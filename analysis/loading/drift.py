@@ -24,6 +24,8 @@ MOVES = 3e-3  # Dimensionless, fraction of the largest speed from which on the k
 NOISY = 0.05  # Dimensionless, fraction of the largest speed below which a scatter at rest is noise
 LARGEST_OFFSET = 0.02
 """Dimensionless, fraction of the largest speed above which a steady speed is motion, not offset."""
+LARGEST_COMMON = 0.2
+"""Dimensionless, the same of a speed that is equal at both ends of the recording."""
 LEAST_STD = 1e-5  # m/s, smallest standard deviation of the mean velocity at rest
 AT_START = 0.0, 5e-6  # m, the place of a key that returns, and its standard deviation
 RETURNED = 0.05
@@ -82,7 +84,16 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
     backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ weights)[::-1]
     fastest = float(np.abs(forwards).max())
     least = max(MOVES * fastest, 6 * white_noise(velocity) / math.sqrt(size))
-    lengths = [_steady(means, least, fastest) * size for means in (forwards, backwards)]
+    ends = forwards, backwards
+    levels = [median(means[: int(LEAST_REST / BLOCK)]) for means in ends]
+    common = abs(levels[0] - levels[1]) <= least
+    common = common and max(map(abs, levels)) <= LARGEST_COMMON * fastest
+    lengths = [
+        _steady(means, level, least, fastest) * size
+        if common or abs(level) <= LARGEST_OFFSET * fastest
+        else 0
+        for means, level in zip(ends, levels, strict=True)
+    ]
     if sum(lengths) >= len(velocity):  # it did not move
         return nothing
     first, last = (n if n >= LEAST_REST * rate else 0 for n in lengths)
@@ -180,7 +191,8 @@ def without_drift(
     duration = middles[1] - middles[0]
     rows = [[1.0, middles[0]], [1.0, middles[1]]]
     seen, stds = [level, late], [std, late_std]
-    back = place is not None and abs(end) <= RETURNED * largest
+    gone = end - duration * (level + late) / 2  # Without the line through the rests
+    back = place is not None and min(abs(end), abs(gone)) <= RETURNED * largest
     said = []
     if place and back:
         rows.append([duration, (middles[1] ** 2 - middles[0] ** 2) / 2])
@@ -189,7 +201,7 @@ def without_drift(
         stds[1] = math.hypot(stds[1], place[0] / (after[1] - after[0]))
     elif place:
         text = (
-            f"the key did not return: {end * 1e3:.3g} mm of {largest * 1e3:.3g} mm at the laser"
+            f"the key did not return: {gone * 1e3:.3g} mm of {largest * 1e3:.3g} mm at the laser"
             " remain; check whether the jack hangs, and the sensor's corner frequency"
         )
         said.append(Remark(text))
@@ -244,11 +256,8 @@ def block_means(signal: Floats, size: int) -> Floats:
     return signal[: len(signal) // size * size].reshape(-1, size).mean(1)
 
 
-def _steady(means: Floats, least: float, fastest: float) -> int:
-    """Return the number of blocks at rest, counted from the first."""
-    level = median(means[: int(LEAST_REST / BLOCK)])
-    if abs(level) > LARGEST_OFFSET * fastest:
-        return 0
+def _steady(means: Floats, level: float, least: float, fastest: float) -> int:
+    """Return the number of blocks at this level, counted from the first."""
     # The scatter of the first block means contains 1/f noise, which `white_noise` omits.
     steps = np.abs(np.diff(means[: 2 * round(LEAST_REST / BLOCK)]))
     scatter = median(steps) * NORMAL / math.sqrt(2)

@@ -156,7 +156,9 @@ def measure(seen: Silhouette, given: Given, seed: int = 0) -> Measured:
                 f"cut off: the plectrum reaches the {name} edge of the picture in front of its"
                 " clamp; photograph all of it"
             )
-    chains = _Chains(placed, seen.blur, 3 * seen.blur if face else -2 * seen.blur)
+    # A face that is not normal to the given axis hangs over the plectrum's root.
+    hangs = face and abs(math.tan(tilt.value) + face.slope) * np.abs(placed[:, 1]).max()
+    chains = _Chains(placed, seen.blur, -2 * seen.blur if hangs is None else 3 * seen.blur + hangs)
     edges = chains.fitted()
     clamp_std = math.hypot(face.intercept_std, seen.level_std) if face else CLICK
     scale = _scale(edges, clamp_std, seen, given, warnings)

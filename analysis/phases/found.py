@@ -76,6 +76,8 @@ class HeldString:
     """N, rise of the finger force from contact to release, by `growth`."""
     force_slope_std: float = 0.0
     """N/m, standard uncertainty by what `growth` does not explain of the force."""
+    saturated: bool = False
+    """Whether the force is clipped or overloaded at the release, so that its forces say nothing."""
 
     @property
     def pluck_duration(self) -> float:
@@ -277,4 +279,5 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         force_slope_std=slope_std,
         force_drop_std=math.hypot(release.fall_std, friction) if release.fall_std else None,
         force_rise=rise,
+        saturated=bool(signals.no_force[side].any()),
     )

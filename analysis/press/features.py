@@ -76,6 +76,9 @@ NEED = {
     ),
 }
 """Columns that are None where this signal was not recorded."""
+OF_SATURATED = ("release_force", "force_drop", "force_drop_std", "force_rise", "force_slope",
+                "force_slope_std", "held_work")  # fmt: skip
+"""Columns of a pluck that are None where its force is `saturated`."""
 
 GAINED = {
     "force": ("contact_force", "release_force", "peak_force"),
@@ -217,6 +220,13 @@ def held_speeds(press: Press, phases: Phases) -> Row:
     return found
 
 
+def unknown_of(press: Press, phases: Phases) -> tuple[str, ...]:
+    """Return the columns of a complete press that are None: a signal is missing or saturated."""
+    saturated = any(held.saturated for held in phases.plucks)
+    whole = ("peak_force", "press_work") if saturated else ()
+    return (*NEED.get(press.missing or "", ()), *whole)
+
+
 def features(press: Press, phases: Phases) -> Row:
     """Return the features of a press: the columns of `UNITS`, and those of further plucks.
 
@@ -224,7 +234,7 @@ def features(press: Press, phases: Phases) -> Row:
     lacks that signal.
     """
     time = press.time
-    unknown = NEED[press.missing] if press.missing else ()
+    unknown = unknown_of(press, phases)
     nothing = np.zeros(len(time))
     rise, deflection, angle, force = (
         press.samples.get(name, nothing) for name in ("jack_rise", "deflection", "angle", "force")
@@ -262,6 +272,7 @@ def features(press: Press, phases: Phases) -> Row:
             "held_deflection": end - start,
             "held_work": work(*ends, held.contact_force, held.release_force),
         }
+        found |= dict.fromkeys(OF_SATURATED) if held.saturated else {}
         row |= {column(name, number): found.get(name) for name in OF_PLUCK}
         for channel, values in press.string_signals:
             if channel.string == held.string:

@@ -134,7 +134,8 @@ def effects_of(
     """Estimate the effects of the factors in which presses differ.
 
     The factors are those of a design or, without one, the values of the rig that differ. Blocks are
-    those of the design in each session; without one, the sessions. Warm-up presses are omitted.
+    those of the design in each session; without one, the sessions, and folders of recordings that
+    name no session, such as imported ones. Warm-up presses are omitted.
 
     Args:
         names: Features of a press; those of string 2 end in `_2`.
@@ -147,7 +148,8 @@ def effects_of(
     alike = what_is_alike(presses)
     factors = _factors(presses, alike)
     order = {factor: _ordered(own, alike) for factor, own in factors.items()}
-    of_session = [(press.session.session, press.session.block) for press in presses]
+    sessions = [p.session.session or p.press.path.absolute().parent for p in presses]
+    of_session = list(zip(sessions, (p.session.block for p in presses), strict=True))
     blocks = np.array([list(dict.fromkeys(of_session)).index(own) for own in of_session], np.intp)
     rows = [by_string(press.features) for press in presses]
     if unknown := [name for name in names if split_column(name)[0] not in rows[0]]:

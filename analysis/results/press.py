@@ -5,7 +5,15 @@ from typing import Any
 
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
-from sautereau.analysis.press.features import NEED, OF_SPEED, Row, features, gain_stds
+from sautereau.analysis.phases.found import HeldString
+from sautereau.analysis.press.features import (
+    OF_SATURATED,
+    OF_SPEED,
+    Row,
+    features,
+    gain_stds,
+    unknown_of,
+)
 
 HEADER = (
     "Jack speed: mean and RMS error while a string is held. #: string of the rig.\n"
@@ -25,13 +33,14 @@ def press_summary(press: Press, phases: Phases, found: Row | None = None) -> dic
         found: Its `features`; None to compute them from the samples, which must be complete.
     """
     first = phases.plucks[0] if phases.plucks else None
-    unknown = NEED[press.missing] if press.missing else ()
+    unknown = unknown_of(press, phases)
 
-    def known(name: str, value: Any) -> Any:
-        return None if name in unknown else value
+    def known(name: str, value: Any, pluck: HeldString | None = None) -> Any:
+        lost = pluck and pluck.saturated and name in OF_SATURATED
+        return None if name in unknown or lost else value
 
     def of_first(name: str) -> float | None:
-        return known(name, getattr(first, name)) if first else None
+        return known(name, getattr(first, name), first) if first else None
 
     return {
         "path": str(press.path),
@@ -43,7 +52,7 @@ def press_summary(press: Press, phases: Phases, found: Row | None = None) -> dic
         "release": of_first("release"),
         **{name: known(name, getattr(phases, name)) for name in ("bottom", "bottomed", "returned")},
         "plucks": [
-            {name: known(name, value) for name, value in asdict(pluck).items()}
+            {name: known(name, value, pluck) for name, value in asdict(pluck).items()}
             | {"pluck_duration": pluck.pluck_duration}
             for pluck in phases.plucks
         ],
@@ -94,7 +103,8 @@ def press_line(press: Press, phases: Phases, found: Row | None = None) -> str:
         row += "  no pluck" + " !" * bool(phases.warnings)
     for number, held in enumerate(phases.plucks):
         row += "" if number == 0 else f"\n{'':<29}"
-        force = "-" if press.missing == "force" else f"{held.release_force:.4f}"
+        lost = press.missing == "force" or held.saturated
+        force = "-" if lost else f"{held.release_force:.4f}"
         row += (
             f" {held.string or '-'} {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
             f" {held.pluck_duration * 1e3:>8.3f} {'!' * held.doubtful:<2}{force:>8}"

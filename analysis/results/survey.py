@@ -139,10 +139,10 @@ class Survey(Result):
             lines += table(heads + rows, indent=2)
             for own in found:
                 far = ", ".join(f"{k} {100 * own.deviations[k]:+.1f} %" for k in own.outliers)
-                lines.append(
-                    f"{QUANTITIES[own.name].label}: {100 * own.per_key:+.2f} % per key, spread"
-                    f" {100 * own.spread:.2g} %; outliers: {far or 'none'}"
-                )
+                line = f"{100 * own.per_key:+.2f} % per key, spread {100 * own.spread:.2g} %"
+                few = f"no slope and no outliers below {LEAST} keys"
+                line = few if len(own.deviations) < LEAST else f"{line}; outliers: {far or 'none'}"
+                lines.append(f"{QUANTITIES[own.name].label}: {line}")
         return [*lines, *(f"warning: {warning}" for warning in self.warnings)]
 
     def _series(self) -> dict[tuple[int, str], list[Evenness]]:

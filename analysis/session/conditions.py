@@ -42,7 +42,8 @@ HOLD_SPEED = (
 """How to keep the jack's speed while a string is held."""
 UNCLEAR = (
     "the sign of the force slope is not known: the finger bounces on the key while the string is"
-    " held, or another string is released meanwhile; press more slowly, or with softer loops"
+    " held, another string is released meanwhile, or the force is saturated; press more slowly, or"
+    " with softer loops, or lower the gain"
 )
 """Why a press is not compared."""
 PressT = TypeVar("PressT", bound=AnalysedPress)
@@ -363,7 +364,7 @@ def _to_compare(
     clear, unclear = [], []
     for press, own in zip(presses, predictions, strict=True):
         held = press.phases.of_string(string)
-        if held and abs(held.force_slope) <= NORMAL * held.force_slope_std:
+        if held and (held.saturated or abs(held.force_slope) <= NORMAL * held.force_slope_std):
             unclear.append(press)
         else:
             clear.append((press, own))

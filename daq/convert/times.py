@@ -97,16 +97,15 @@ def own_axis(source: ImportSource, column: str, time: str) -> str | None:
     """Return the column of times of a column, if it has another one than this.
 
     That is the one of the same name in its group, or the nearest one of this name before it, as in
-    `Time,A,Time,B` and `t1,v1,t2,v2`.
+    `Time,A,Time,B` and `t1,v1,t2,v2`; but no column of the matrix that holds them all.
     """
     group, slash, _ = column.rpartition("/")
     if slash:
         own = f"{group}/{time.rpartition('/')[2]}"
         return own if own in source.names and own not in (time, column) else None
     before = source.names[: source.names.index(column)]
-    alike = [
-        name for name in before if name == time or (_base(name) and _base(name) == _base(time))
-    ]
+    base = _base(time) if _base(time) != _base(column) else ""
+    alike = [name for name in before if name == time or (base and _base(name) == base)]
     return alike[-1] if alike and alike[-1] != time else None
 
 

@@ -57,8 +57,11 @@ class Manifest:
     """Names of recordings whose presses are made again, because the instrument was at fault."""
 
 
+_Values = dict[str, str | int | FiniteFloat | list[str | FiniteFloat]]  # A gesture is a list
+
+
 class _Press(BaseModel, extra="allow"):
-    values: dict[str, str | int | FiniteFloat]
+    values: _Values
 
 
 class _Plan(BaseModel, extra="allow"):
@@ -75,7 +78,7 @@ class _Manifest(BaseModel, extra="allow"):
     started: str = Field(max_length=LONGEST_NAME)
     seed: int | None = Field(ge=0, lt=2**64)
     plan: _Plan
-    set_up: dict[str, str | int | FiniteFloat]
+    set_up: _Values
     invalid: list[str] = Field(default=[], max_length=MOST_PRESSES)
 
 

@@ -60,6 +60,19 @@ def test_the_deflection_drifts_by_less_than_5_um(offset):
     assert unheld > min(5e-6, abs(offset) * 0.025 * 0.5) / 2
 
 
+@pytest.mark.parametrize("offset", [1e-3, 3e-3, -5e-3])
+def test_a_large_offset_of_a_dc_coupled_vibrometer_is_subtracted(offset):
+    """Up to 10 % of the largest speed, 50 mm/s, equal at both ends."""
+    time = np.arange(int(0.7 * RATE)) / RATE
+    noise = 5e-5 * np.random.default_rng(1).standard_normal(len(time))
+    channel = VELOCITY.model_copy(update={"high_pass": 0.0, "delay": 0.0, "low_pass": 0.0})
+    volts = (motion(time) + offset + noise) / VELOCITY.scale
+    velocity, drift, warnings = held(volts, channel=channel)
+    assert warnings == []
+    assert drift.velocity == pytest.approx(abs(offset), abs=2e-5)
+    assert deflection(velocity) == pytest.approx(deflection(motion(time)), abs=5e-6)
+
+
 @pytest.mark.parametrize("returns", [True, False])
 def test_the_deflection_of_a_key_that_stays_down_is_kept(returns):
     """Whether planned or not; if a return was planned there is a warning."""

@@ -12,7 +12,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.text import WIDTH, wrapped
 from sautereau.commands.app import app
 from sautereau.entrance.session import Session
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from tests.budget import amount
 
 RIG = load_rig()
@@ -199,6 +199,23 @@ def test_of_recordings_in_python_and_as_a_command(presses, tmp_path, monkeypatch
     assert app([*words, "--interaction"], exit_on_error=False) == 0
     assert "plectrum x hold, p" in capfd.readouterr().out
     assert (tmp_path / "e.png").stat().st_size > 10_000
+
+
+def test_folders_of_imported_presses_are_blocks(write_session, tmp_path):
+    """Two set-ups of each plectrum, 0.1 N apart, leave its effect within that distance."""
+    paths = []
+    for folder, thickness, scale in (
+        ("a", "0.47 mm", 1.0),
+        ("b", "0.47 mm", 1.1),
+        ("c", "0.48 mm", 1.1),
+        ("d", "0.48 mm", 1.0),
+    ):
+        rig = with_values(RIG, {"plectrum.thickness": thickness})
+        paths += write_session(tmp_path / folder, 2, rig=rig, scale=scale)
+    found = Session(paths).effects(["release_force"])
+    assert found.blocks.tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+    (effect,) = found_in(found.fitted["release_force"]).values()
+    assert effect.low < -0.1 < 0.1 < effect.high
 
 
 def test_presses_without_factors_and_unknown_features(presses, write_session, tmp_path):

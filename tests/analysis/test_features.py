@@ -7,8 +7,11 @@ from dataclasses import replace
 import pytest
 
 from sautereau.analysis.phases import find_phases
-from sautereau.analysis.press.features import UNITS, features, gain_stds, std_of
+from sautereau.analysis.press.features import OF_SATURATED, UNITS, features, gain_stds, std_of
 from sautereau.analysis.press.string_start import OF_START
+from sautereau.analysis.results.press import press_summary
+from sautereau.analysis.session.analysed import analyse_file
+from sautereau.analysis.session.conditions import analyse
 from sautereau.rig.load import with_values
 
 
@@ -132,3 +135,21 @@ def test_columns_of_later_plucks_end_in_their_number(found):
     assert row["plucks"] == 2
     assert row["contact_2"] == row["contact"]
     assert {name.removesuffix("_2") for name in row} == set(UNITS)
+
+
+def test_forces_of_a_press_that_saturates_are_unknown(write_session, tmp_path):
+    """A force of 0.73 N on an input of 0.6 V: it is unknown, the instants are not."""
+    low = with_values(write_session.one.rig, {"daq.channels.1.range": "0.6 V"})
+    paths = [*write_session(tmp_path, 1), *write_session(tmp_path / "low", 1, rig=low)]
+    good, bad = (analyse_file(path) for path in paths)
+    lost = {name for name, value in bad.features.items() if value is None}
+    assert lost - {n for n, v in good.features.items() if v is None} == {
+        *(set(OF_SATURATED) & set(UNITS)),
+        "peak_force",
+        "press_work",
+    }
+    assert bad.features["release"] == pytest.approx(good.features["release"], abs=1e-3)
+    (condition,) = analyse([bad]).conditions
+    assert "saturated" in " ".join(condition.warnings)
+    document = press_summary(bad.press, bad.phases)
+    assert document["forces"]["release"] is document["plucks"][0]["force_drop"] is None

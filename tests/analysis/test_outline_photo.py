@@ -117,6 +117,14 @@ def test_each_way_to_the_scale(tmp_path):
         assert np.std(lengths) <= 1.5 * found.edges.x[-1] * max(std, 2e-4)
 
 
+@pytest.mark.parametrize("off", [-3.0, 3.0])
+def test_a_face_that_leans_over_the_root_is_no_part_of_the_plectrum(tmp_path, off):
+    """With a given direction that differs from the normal of the jack's face."""
+    drawn, photo = photograph(tmp_path, tilt=math.radians(2))
+    found = outline(photo, **options(drawn, tilt=f"{2 + off} deg")).found
+    assert found.edges.thickness * 1e3 == pytest.approx(drawn.shape.thickness, abs=4e-3)
+
+
 def test_without_a_jack_the_length_gives_the_clamp(tmp_path):
     drawn, photo = photograph(tmp_path, jack=False, tilt=math.radians(-4))
     found = outline(photo, **options(drawn, length=f"{drawn.shape.length} mm")).found

@@ -120,6 +120,7 @@ def test_few_keys_have_no_outliers():
     found = survey(instrument(4, {2: 1.3}))
     assert of(found, "force_drop").outliers == ()
     assert of(found, "force_drop").per_key == 0
+    assert "force drop: no slope and no outliers below 5 keys" in str(found)
 
 
 def test_results_as_json_lines_table_and_figure(found, tmp_path):

@@ -18,6 +18,7 @@ from sautereau.daq.convert import from_arrays
 from sautereau.daq.convert.formats import open_source
 from sautereau.daq.convert.importing import import_file
 from sautereau.daq.convert.options import ImportOptions
+from sautereau.daq.convert.times import own_axis
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.errors import MissingExtraError
@@ -387,6 +388,10 @@ def test_an_array_of_numpy(tmp_path):
     _, (v, f) = read(tmp_path / "a.npy", "data(1)", "data(2)")
     assert np.array_equal(v, V)
     assert np.array_equal(f, F)
+    np.save(tmp_path / "t.npy", np.stack([T, V, F], axis=1))
+    assert own_axis(open_source(tmp_path / "t.npy"), "data(3)", "data(1)") is None
+    np.savez(tmp_path / "t.npz", t=np.stack([T, T + 1], axis=1), v=np.stack([V, F], axis=1))
+    assert own_axis(open_source(tmp_path / "t.npz"), "v(2)", "t(1)") == "t(2)"
     np.save(tmp_path / "b.npy", np.array([(1, 2.5), (2, 3.5)], [("t", "i4"), ("v", "f8")]))
     assert open_source(tmp_path / "b.npy").names == ("data.t", "data.v")
 

@@ -119,6 +119,9 @@ def test_a_recording_without_a_plan_is_replayed_as_measured(write_session, tmp_p
     """The jack follows the measured rise within its noise, and the press is feasible."""
     (path,) = write_session(tmp_path, 1, noise=1e-4)
     (row,) = rows_of_recording(path, RIG, 2)
+    manifest = Manifest("id", "2026-01-01T00:00:00Z", 3, Plan(RIG, (row,)).document(), {})
+    write_manifest(tmp_path, manifest)
+    assert read_manifest(tmp_path) == manifest
     assert (row.repeats, row.notes) == (2, "replay of press-0001.mcap")
     trajectory, _ = Planner()(row)
     law, measured = trajectory.law, load_press(path).data["jack_rise"]
