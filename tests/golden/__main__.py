@@ -19,7 +19,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.golden import store
 from tests.golden.corpus import Corpus
-from tests.golden.groups import GROUPS, ROUNDING, SIMULATED, answers, compared
+from tests.golden.groups import GROUPS, SIMULATED, answers, compared
+from tests.golden.tolerances import ROUNDING
 
 OTHER_PROCESSOR = {
     "OPENBLAS_CORETYPE": "Prescott",

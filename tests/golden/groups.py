@@ -12,14 +12,12 @@ from tests.golden.corpus import DATA, Corpus
 from tests.golden.files import recording, shape_of
 from tests.golden.plain import plain
 from tests.golden.presses import JUDGED, STAND_IN, carved_rig
-from tests.golden.tolerances import CHANGED, OTHER, RELATIVE, Difference, differences
+from tests.golden.tolerances import CHANGED, OTHER, RELATIVE, ROUNDING, Difference, differences
 from tests.golden.wire import traffic
 
 Case = Callable[[Corpus], Any]
 LEVELS = ("elastica", "rods", "beam", "two-beam")
 SIMULATED = ("stand-in", "independent")  # Groups of presses, each simulated and analysed
-ROUNDING = "rounding"
-"""Key of the stored answers of presses whose samples depend on the processor (`--write`)."""
 CONTROLLED = [name for name, words in ON_BENCH.items() if "--log" in words]
 
 
@@ -128,7 +126,7 @@ def compared(group: str, names: list[str], now: dict[str, Any]) -> Iterator[Diff
         if name not in stored:
             yield Difference(case, "", "(no stored answer: run --write)", "an answer")
         else:
-            depends = stored[name].pop(ROUNDING, False)
+            depends = ROUNDING in stored[name]
             for found in differences(case, stored[name], now[name], relative):
                 if not (depends and found.stored == CHANGED):
                     yield found

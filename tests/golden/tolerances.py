@@ -31,6 +31,8 @@ RELATIVE = {"wire": 0.0, "model": MODEL}  # By the group of answers; 0 is exact,
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.ASCII)
 SIGNAL = {"n", "peak", "sums"}  # Keys of what `plain.checksum` returns
 MISSING = "(missing)"
+ROUNDING = "rounding"
+"""Key of the stored answers of presses whose samples depend on the processor (`--write`)."""
 CHANGED = "other samples: the simulation or its input changed, nothing else of it is compared"
 
 
@@ -101,10 +103,12 @@ def _mappings(field: str, stored: dict, now: dict, relative: float) -> Iterator[
             yield Difference("", field, stored, now, f"{SAMPLES:.2g} of the peak, on the sums")
         return
     for name in dict.fromkeys([*stored, *now]):
+        if name in ("sampled", ROUNDING):
+            continue
         inner = _under(field, name)
         if name not in stored or name not in now:
             yield Difference("", inner, stored.get(name, MISSING), now.get(name, MISSING))
-        elif name != "sampled":
+        else:
             std = stored.get(f"{name}_std")
             yield from _walk(inner, stored[name], now[name], relative, std)
 
