@@ -156,8 +156,8 @@ def row_of(found: AnalysedPress, path: Path) -> Row:
     """Return a press as a row, in SI units: its session, values of its rig, and its features."""
     session, rig = found.session, found.press.rig
     row: Row = {
-        "path": path.as_posix(),
-        "session": session.session or path.parent.as_posix(),
+        "path": as_text(path.as_posix()),
+        "session": session.session or as_text(path.parent.as_posix()),
         "item": session.item,
         "press": session.press,
         "started": session.started,

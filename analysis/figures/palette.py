@@ -54,11 +54,19 @@ def how_made(simulated: bool) -> str:
 
 
 def literal(figure: "FigureBase") -> None:
-    """Draw all texts as they are: names of files and rigs are no formulas, and may be no UTF-8."""
+    """Draw all texts as they are: names of files and rigs are no formulas.
+
+    They may also be no UTF-8, and have control characters, for which there is no glyph.
+    """
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
-        if (said := text.get_text()) != (drawn := as_text(said)) or "$" in said:
+        said = text.get_text()
+        drawn = "".join(
+            c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode()
+            for c in as_text(said)
+        )
+        if said != drawn or "$" in said:
             text.set(text=drawn, parse_math=False)
 
 

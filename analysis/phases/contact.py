@@ -372,7 +372,9 @@ def find_contact(
     low, high = before[0], float(held.time[-2])
     # So many resolve the bend at the contact.
     times, noise = np.linspace(low, high, 21), 1.0
-    best = int(np.argmin(fit.at(times, noise).chi2))
+    found = fit.at(times, noise)
+    best = int(np.argmin(found.chi2))
+    middle, std = float(times[best]), 0.0
     ends = times[max(best - 1, 0)], times[min(best + 1, 20)]
     for _ in range(8):
         times = np.linspace(*ends, 11)

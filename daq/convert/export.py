@@ -284,7 +284,8 @@ def _waveforms(
     for column in columns:
         if column.channel:
             counts = counts_of(recorded, column.channel) if column.raw else None
-            yield column, *(counts or (column.values, 1.0, 0.0))
+            values, per_count, offset = counts or (column.values, 1.0, 0.0)
+            yield column, values, per_count, offset
 
 
 def _start(recorded: Recorded, column: Column) -> float:

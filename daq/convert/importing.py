@@ -31,6 +31,7 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.signals.calibration import to_volts
 from sautereau.rig import disk
 from sautereau.rig.acquisition import MEASURED, Channel
+from sautereau.rig.disk import as_text
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 
@@ -376,8 +377,8 @@ def write_part(recorded: Recorded, start: int, stop: int, out: Path, press: int)
     rate, first = recorded.rate, recorded.first_sample + start
     begin, end = first / rate, (recorded.first_sample + stop) / rate
     text = (
-        f"samples {first} to {recorded.first_sample + stop - 1} of {recorded.path.name}: time"
-        f" 0 is {begin:.9g} s after its trigger"
+        f"samples {first} to {recorded.first_sample + stop - 1} of {as_text(recorded.path.name)}:"
+        f" time 0 is {begin:.9g} s after its trigger"
     )
     events = [
         replace(event, time=0.0 if event.kind in OF_ALL else event.time - begin)

@@ -21,7 +21,7 @@ from sautereau.analysis.campaign.row import unit_of
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.daq.file.reading import read_recording
-from sautereau.rig.disk import new_file, open_regular
+from sautereau.rig.disk import as_text, new_file, open_regular
 from sautereau.rig.faults import fault_list
 from sautereau.rig.text import rig_text
 from sautereau.rig.version import made_by
@@ -102,7 +102,7 @@ def write_package(
         presses: Those that can be analysed.
         table: Their features.
     """
-    table = table.assign(path=[press.press.path.name for press in presses])
+    table = table.assign(path=[as_text(press.press.path.name) for press in presses])
     for factor in presses[0].session.levels:  # of a design
         table[f"level.{factor}"] = [press.session.levels.get(factor) for press in presses]
         table["block"] = [press.session.block for press in presses]
@@ -241,4 +241,4 @@ def _json(document: Any) -> bytes:
 
 
 def _text(text: str) -> bytes:
-    return text.encode("utf-8")
+    return as_text(text).encode("utf-8")
