@@ -99,10 +99,26 @@ def _plucks(tables: object, where: str) -> list[Pluck]:
     return found
 
 
-def plucks_by_hand(signals: Signals, plucks: list[Pluck]) -> list[tuple[Contact, Release]]:
-    """Return contacts and releases set by hand, with the fall of the load at each release."""
+def plucks_by_hand(
+    signals: Signals, plucks: list[Pluck], bottom: float, recording: Path
+) -> list[tuple[Contact, Release]]:
+    """Return contacts and releases set by hand, with the fall of the load at each release.
+
+    Args:
+        bottom: s, at which the jack reaches its top.
+
+    Raises:
+        AnalysisError: A pluck begins before the recording or ends after the way down.
+    """
     found = []
     for contact, contact_std, release, release_std in plucks:
+        if contact < signals.time[0] or release > bottom:
+            raise AnalysisError(
+                f"{path_by_hand(recording)}: the pluck from {contact * 1e3:.5g} to"
+                f" {release * 1e3:.5g} ms is not within the way down, from"
+                f" {signals.time[0] * 1e3:.5g} to {bottom * 1e3:.5g} ms; change it with --at, or"
+                " delete the file"
+            )
         fall = _fall(signals, release)
         found.append(
             (

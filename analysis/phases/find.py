@@ -93,7 +93,9 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
                 " set contact and release by hand with `sautereau phases FILE --at`"
             ) from error
     else:
-        found = Found(plucks_by_hand(signals, by_hand), Fit("by hand", 1.0))
+        found = Found(
+            plucks_by_hand(signals, by_hand, float(time[end]), press.path), Fit("by hand", 1.0)
+        )
     known_plucks = with_strings(found.plucks, signals, strings)
     plucks = [
         replace(measured(signals, contact, release), string=string, string_probability=probability)

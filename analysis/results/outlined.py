@@ -211,15 +211,20 @@ def outline(
 def _known(name: str, text: str | None, unit: str, faults: list[str]) -> Known | None:
     if text is None:
         return None
+    if not unit:  # of pixels per mm; to pint, px is 1/96 inch
+        text = re.sub(r"\s*(?:px|pixels?|1)\s*/\s*mm\b", "", text)
     value, std = match.groups() if (match := _STD.fullmatch(text)) else (text, None)
     try:
+        if not unit and (other := re.search(r"[^-+.\deE\s/±]+", text)):
+            raise ValueError(f"{other[0]!r} is no number")
         if std is None:
             return Known(parse_quantity(value, unit))
         # The unit may stand once, at the end.
         unit_of = re.sub(r"^\s*[-+.\deE]+", "", std) if re.fullmatch(r"[-+.\deE\s]+", value) else ""
         return Known(parse_quantity(value + unit_of, unit), abs(parse_quantity(std, unit)))
     except ValueError as error:
-        faults.append(f'{name}: {error}; write it like "4.5 mm +/- 0.01 mm"')
+        example = "4.5 mm +/- 0.01 mm" if unit else "250 +/- 0.5"
+        faults.append(f'{name}: {error}; write it like "{example}"')
         return None
 
 

@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import combinations
 
 from sautereau.daq.convert.document import SIMULATED
 from sautereau.daq.convert.formats import ImportSource
@@ -68,13 +69,19 @@ def resolve_options(
         RecordingError: Lists everything that is missing, unknown or contradictory.
     """
     faults = _unknown_channels(rig, options)
-    found = [column_of(source, c, options, faults) for c in rig.daq.channels]
+    warnings: list[str] = []
+    found = [column_of(source, c, options, faults, warnings) for c in rig.daq.channels]
     columns = tuple(column for column in found if column is not None)
+    for first, second in combinations(columns, 2):
+        if first.name == second.name:
+            faults.append(
+                f"{second.channel.name}: its column {second.name!r} is that of"
+                f" {first.channel.name}; give another one, or --without"
+            )
     if not faults and not columns:
         faults.append("--without names every channel; nothing would be imported")
     if options.time is not None and options.time not in source.names:
         faults.append(f"--time {options.time!r} is not a column of the file; {names_of(source)}")
-    warnings: list[str] = []
     rate, stated = _rate(source, columns, options, faults, warnings)
     time_unit = _time_unit(source, options, faults)
     if source.cut and not options.complete:
@@ -135,7 +142,11 @@ def _unknown_channels(rig: Rig, options: ImportOptions) -> list[str]:
 
 
 def column_of(
-    source: ImportSource, channel: Channel, options: ImportOptions, faults: list[str]
+    source: ImportSource,
+    channel: Channel,
+    options: ImportOptions,
+    faults: list[str],
+    warnings: list[str],
 ) -> ChannelColumn | None:
     """Return a channel's column; None if the channel is not imported or something is wrong."""
     name = channel.name
@@ -158,7 +169,7 @@ def column_of(
             f"{name}: --column.{name} {column!r} is not a column of the file; {names_of(source)}"
         )
         return None
-    unit = _unit_value(source, channel, column, options, faults)
+    unit = _unit_value(source, channel, column, options, faults, warnings)
     if column is None or unit is None:
         return None
     sign = -1 if name in options.invert else 1
@@ -171,6 +182,7 @@ def _unit_value(
     column: str | None,
     options: ImportOptions,
     faults: list[str],
+    warnings: list[str],
 ) -> tuple[float, str] | None:
     """Return the quantity of the value 1 in a channel's column, and its unit."""
     name, column_unit = channel.name, source.units.get(column or "", "")
@@ -192,6 +204,11 @@ def _unit_value(
     for possible in filter(None, ("V", channel.unit, integral)):
         value = value_in(text, possible)
         if value is not None:
+            in_file = value_in(f"1 {column_unit}", possible) if is_unit(column_unit) else value
+            if not source.full_scale and in_file != value:
+                warnings.append(
+                    f"{option} {text[2:]!r} replaces the unit that the file states, {column_unit}"
+                )
             return value, possible
     also = f" nor, as a displacement, in {integral}" if integral else ""
     faults.append(

@@ -106,6 +106,7 @@ def test_each_way_to_the_scale(tmp_path):
     rows = drawn.image.shape[0]
     for scale, std in (
         ({"pixels_per_mm": "250 +/- 0.5"}, 0.002),
+        ({"pixels_per_mm": "250 px/mm +/- 0.5 px/mm"}, 0.002),
         ({"ruler": f"100,{rows - 20} 1350,{rows - 20} 5 mm"}, math.sqrt(2) * 0.7 / 1250),
         ({"length": f"{drawn.shape.length} +/- 0.01 mm"}, 0.01 / drawn.shape.length),
         ({"thickness": f"{drawn.shape.thickness} mm +/- 2 um"}, 0.004),

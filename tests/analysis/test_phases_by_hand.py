@@ -54,6 +54,13 @@ def test_texts_that_are_no_pluck_are_refused(press, texts):
     assert not path_by_hand(press.path).exists()
 
 
+@pytest.mark.parametrize("release", ["300 ms", "900 ms"])
+def test_a_pluck_after_the_way_down_is_refused(press, release):
+    write_by_hand(press.path, [f"52 ms +- 0.3 ms to {release} +- 0.1 ms"])
+    with pytest.raises(AnalysisError, match=f"52 to {release} is not within"):
+        find_phases(press)
+
+
 def test_a_damaged_file_is_an_error_that_says_how_to_continue(press):
     path_by_hand(press.path).write_text("plucks = [{contact = 3}]")
     with pytest.raises(AnalysisError, match="pluck 1"):

@@ -445,3 +445,18 @@ def test_a_long_line_above_a_table_takes_no_time():
     preamble = Preamble(lines, ",", ".")
     assert preamble.quantity(("sample rate",), "Hz") == 1000
     assert preamble.texts("scale") == ["2", "3"]
+
+
+def test_a_unit_that_replaces_the_files_is_said(bring):
+    done, _ = bring("time,velocity [mm/s]\n0,1\n1e-3,2\n", unit={"velocity": "m/s"}, time="time")
+    warning, _ = done.warnings  # then that of the range
+    assert "'m/s'" in warning
+    assert "mm/s" in warning
+
+
+def test_a_column_is_of_one_channel(refused):
+    both = {"velocity": "a", "force": "a"}
+    message = refused("time,a [V]\n0,1\n1e-3,2\n", column=both, without=(), time="time")
+    assert "'a'" in message
+    assert "force" in message
+    assert "velocity" in message
