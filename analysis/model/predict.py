@@ -89,7 +89,8 @@ class Prediction(ChoirPluck):
     level: str
     """Of the plectra, as computed: for `auto` the level that was chosen."""
     warnings: tuple[str, ...]
-    """What the level ignores, strings of no material, and a press that ends on the front felt."""
+    """What the level ignores, strings of no material, outlines that point to the clamp, and a press
+    that ends on the front felt."""
     time: Floats
     """s, after the jack leaves rest."""
     rise: Floats
@@ -165,7 +166,7 @@ def predict(rig: Rig, level: str = "auto", *, speed: JackSpeed | None = None) ->
         ModelError: The level has no solution for this rig, or the press ends before release.
     """
     found = pressed(rig, hold(rig, level), level, speed)
-    warnings = *ignored(rig, level), *_of_no_material(rig), *_on_felt(rig, found)
+    warnings = *ignored(rig, level), *_of_no_material(rig), *_to_clamp(rig), *_on_felt(rig, found)
     return replace(found, warnings=warnings)
 
 
@@ -178,6 +179,23 @@ def _of_no_material(rig: Rig) -> list[str]:
         for name, choir in zip(string_names(rig), choirs(rig), strict=True)
         if not DENSITIES[0] < choir.string.density < DENSITIES[1]
     ]
+
+
+def _to_clamp(rig: Rig) -> list[str]:
+    """Return a warning for each outline that is thicker in its outer half than in its inner one."""
+    found = []
+    for name, choir in zip(string_names(rig), choirs(rig), strict=True):
+        if (outline := choir.plectrum.outline) is None:
+            continue
+        thickness = np.subtract(outline.top, outline.bottom)
+        at = np.linspace(0, outline.x[-1], 100)
+        inner, outer = np.interp(at, outline.x, thickness).reshape(2, -1).mean(1) * 1e3
+        if outer > 1.05 * inner:  # a photograph of a uniform one is within that
+            found.append(
+                f"{name}: plectrum.outline is {inner:.3g} mm thick in the half at the clamp and"
+                f" {outer:.3g} mm in that at the tip; turn it if clamp and tip are exchanged"
+            )
+    return found
 
 
 def _on_felt(rig: Rig, found: Prediction) -> list[str]:

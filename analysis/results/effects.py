@@ -196,7 +196,16 @@ def _factors(
             "effects: the presses do not differ in a value of the rig; press a design of several"
             " levels (press --design)"
         )
-    return {key: [str(own.get(key)) for own in alike] for key in keys}
+    return {key: [_level(own.get(key)) for own in alike] for key in keys}
+
+
+def _level(value: Any) -> str:
+    """Return a value of the rig as a level, without the digits that its conversion to SI adds."""
+    number, _, unit = str(value).partition(" ")
+    try:
+        return f"{float(number):.12g} {unit}".strip()
+    except ValueError:
+        return str(value)
 
 
 def _ordered(levels: Sequence[str], alike: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:

@@ -207,13 +207,14 @@ def test_folders_of_imported_presses_are_blocks(write_session, tmp_path):
     for folder, thickness, scale in (
         ("a", "0.47 mm", 1.0),
         ("b", "0.47 mm", 1.1),
-        ("c", "0.48 mm", 1.1),
-        ("d", "0.48 mm", 1.0),
+        ("c", "0.52 mm", 1.1),
+        ("d", "0.52 mm", 1.0),
     ):
         rig = with_values(RIG, {"plectrum.thickness": thickness})
         paths += write_session(tmp_path / folder, 2, rig=rig, scale=scale)
     found = Session(paths).effects(["release_force"])
     assert found.blocks.tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert found.order["plectrum.thickness"] == ("0.00047 m", "0.00052 m")
     (effect,) = found_in(found.fitted["release_force"]).values()
     assert effect.low < -0.1 < 0.1 < effect.high
 

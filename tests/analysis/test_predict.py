@@ -9,6 +9,7 @@ from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import with_values
 from tests.key_oracle import dissipated_power, energy, slope, static_moment
+from tests.outlines import outline_from
 
 
 def test_released_string(paper, prediction):
@@ -144,3 +145,14 @@ def test_a_string_of_no_material_is_named(paper):
     (warning,) = predict(paper.replaced({"string.tension": 669.5})).warnings
     assert warning.startswith("string 1: tension")
     assert "7.9e+04 kg/m^3" in warning
+
+
+@pytest.mark.parametrize("slope", [-0.15e-3, 0.15e-3])
+def test_an_outline_that_is_thicker_at_its_tip_is_named(paper, slope):
+    length = paper.plectrum.length
+    outline = outline_from(lambda x: 0.45e-3 + slope * (x / length - 0.5), length)
+    carved = paper.model_copy(
+        update={"plectrum": paper.plectrum.model_copy(update={"outline": outline})}
+    )
+    warnings = [text for text in predict(carved).warnings if "exchanged" in text]
+    assert len(warnings) == (slope > 0)
