@@ -107,15 +107,20 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     Raises:
         RigError: A key does not exist, or the new rig is not valid.
     """
-    document = rig_document(rig)
+    document, keys = rig_document(rig), set(model_keys(Rig))
     faults = []
     for dotted, value in values.items():
-        *parents, last = current_key(dotted).split(".")
+        *parents, last = path = current_key(dotted).split(".")
+        known = ".".join(part for part in path if not part.isdigit()) in keys
         node: Any = document
         try:
             for part in parents:
+                if isinstance(node, dict) and known and node[part] is None:
+                    node[part] = {}  # an optional table, such as that of an outline
                 node = node[int(part)] if isinstance(node, list) else node[part]
-            if not isinstance(node, dict) or last not in node or isinstance(node[last], dict):
+            if not isinstance(node, dict) or isinstance(node.get(last), dict):
+                raise KeyError(last)
+            if last not in node and not known:
                 raise KeyError(last)
         except (KeyError, IndexError, ValueError, TypeError):
             hint = "; name an entry of the list by its index, from 0" * isinstance(node, list)

@@ -131,6 +131,19 @@ def test_every_fault_of_a_design_is_listed(tmp_path):
         read_design(tmp_path / "none.toml")
 
 
+def test_a_level_is_a_rig_with_a_carved_plectrum(tmp_path):
+    """The base has no outline; the level's is the same as in its own file."""
+    contour = ["x [mm],z [mm]", *("0,0.25", "2,0.25", "4.5,0.25", "4.5,-0.1", "2,-0.2", "0,-0.25")]
+    (tmp_path / "contour.csv").write_text("\n".join(contour))
+    level = 'name = "carved"\nbase = "paper"\n[plectrum]\noutline = { file = "contour.csv" }\n'
+    (tmp_path / "carved.toml").write_text(level)
+    path = tmp_path / "design.toml"
+    path.write_text('[factors.plectrum]\nplain = {}\ncarved = "carved.toml"\n')
+    carved = load_rig(tmp_path / "carved.toml").plectrum
+    found = {row.levels["plectrum"]: row.rig.plectrum for row in read_design(path).rows(RIG)}
+    assert found == {"plain": RIG.plectrum, "carved": carved}
+
+
 def test_presses_of_a_block_do_not_follow_the_order_of_the_levels():
     """Within blocks, place in the order and level are independent (mean place, z < 4.5)."""
     rows = st.design({"jack_speed": SPEEDS}, 100, seed=5).rows(RIG)
