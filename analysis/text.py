@@ -171,3 +171,25 @@ def check_cells(check: "Check") -> tuple[str, ...]:
     limit = f"{'>=' if check.at_least else '<='} {check.limit * scale:.4g} {unit}".rstrip()
     verdict = "" if check.holds else "FAILS"
     return check.name, f"{check.value * scale:.4g}", limit, margin, verdict
+
+
+def rounded(quantity: object, digits: int = 6) -> str:
+    """Return a quantity with a shorter number: `9.999999999999999e-06 s` as `1e-05 s`.
+
+    A text that does not begin with a number is returned unchanged.
+    """
+    number, _, unit = str(quantity).partition(" ")
+    try:
+        return f"{float(number):.{digits}g} {unit}".strip()
+    except ValueError:
+        return str(quantity)
+
+
+def visible(text: str, kept: str = "\n") -> str:
+    """Return a text with invisible characters written out, except those that are kept."""
+    return "".join(
+        c
+        if c.isprintable() or c in kept
+        else (f"\\x{ord(c):02x}" if ord(c) < 0x100 else f"\\u{{{ord(c):x}}}")
+        for c in text
+    )

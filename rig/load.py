@@ -1,7 +1,7 @@
 """Read a rig file, and report all its faults at once; give a rig other values."""
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -107,20 +107,19 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     Raises:
         RigError: A key does not exist, or the new rig is not valid.
     """
-    document, keys = rig_document(rig), set(model_keys(Rig))
+    document = rig_document(rig)
     faults = []
     for dotted, value in values.items():
         *parents, last = path = current_key(dotted).split(".")
-        known = ".".join(part for part in path if not part.isdigit()) in keys
         node: Any = document
         try:
             for part in parents:
-                if isinstance(node, dict) and known and node[part] is None:
+                if isinstance(node, dict) and node[part] is None and _is_key(path):
                     node[part] = {}  # an optional table, such as that of an outline
                 node = node[int(part)] if isinstance(node, list) else node[part]
             if not isinstance(node, dict) or isinstance(node.get(last), dict):
                 raise KeyError(last)
-            if last not in node and not known:
+            if last not in node and not _is_key(path):
                 raise KeyError(last)
         except (KeyError, IndexError, ValueError, TypeError):
             hint = "; name an entry of the list by its index, from 0" * isinstance(node, list)
@@ -131,6 +130,11 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     changed = validated(document, f"rig {rig.name}", faults)
     kept = {"assumed": rig.assumed, "sources": rig.sources, "daq_only": rig.daq_only}
     return changed.model_copy(update=kept)
+
+
+def _is_key(path: Sequence[str]) -> bool:
+    """Return whether a rig may have a key, of which the entries of lists are named by index."""
+    return ".".join(part for part in path if not part.isdigit()) in set(model_keys(Rig))
 
 
 def _unusual_moduli(rig: Rig) -> Iterator[tuple[str, float]]:

@@ -7,6 +7,7 @@ tritanopia; lines differ in their dashes as well, areas in their hatching, point
 
 from typing import TYPE_CHECKING
 
+from sautereau.analysis.text import visible
 from sautereau.rig.disk import as_text
 
 if TYPE_CHECKING:
@@ -61,12 +62,7 @@ def literal(figure: "FigureBase") -> None:
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
-        said = text.get_text()
-        drawn = "".join(
-            c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode()
-            for c in as_text(said)
-        )
-        if said != drawn or "$" in said:
+        if (said := text.get_text()) != (drawn := visible(as_text(said))) or "$" in said:
             text.set(text=drawn, parse_math=False)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 from markupsafe import Markup
 
 from sautereau.analysis.report.contents import Contents, PressRecord
+from sautereau.analysis.text import visible
 from sautereau.daq.file.provenance import software as software_here
 from sautereau.rig.acquisition import Channel
 from sautereau.rig.capabilities import capabilities_of
@@ -27,12 +28,7 @@ def cleaned(value: Any, most: int = MOST_CHARACTERS) -> Any:
     """
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
-    kept = "".join(
-        c
-        if c.isprintable() or c in "\n\t"
-        else (f"\\x{ord(c):02x}" if ord(c) < 0x100 else f"\\u{{{ord(c):x}}}")
-        for c in value[:most]
-    )
+    kept = visible(value[:most], "\n\t")
     return kept if len(value) <= most else f"{kept} … ({len(value):,} characters in total)"
 
 

@@ -15,7 +15,7 @@ from sautereau.analysis.results.result import Result, drawing, frame_of, json_of
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing, what_is_alike
 from sautereau.analysis.session.repeatability import interval
-from sautereau.analysis.text import SOME_SIMULATED, counted, table
+from sautereau.analysis.text import SOME_SIMULATED, counted, rounded, table
 from sautereau.rig.faults import fault_list
 from sautereau.trajectory.motion import Floats
 
@@ -196,16 +196,8 @@ def _factors(
             "effects: the presses do not differ in a value of the rig; press a design of several"
             " levels (press --design)"
         )
-    return {key: [_level(own.get(key)) for own in alike] for key in keys}
-
-
-def _level(value: Any) -> str:
-    """Return a value of the rig as a level, without the digits that its conversion to SI adds."""
-    number, _, unit = str(value).partition(" ")
-    try:
-        return f"{float(number):.12g} {unit}".strip()
-    except ValueError:
-        return str(value)
+    # Without the last digits, which are those of the conversion to SI.
+    return {key: [rounded(own.get(key), 12) for own in alike] for key in keys}
 
 
 def _ordered(levels: Sequence[str], alike: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
 
-from sautereau.analysis.text import counted
+from sautereau.analysis.text import counted, rounded
 from sautereau.daq.file.recorded import UNCHECKED
 from sautereau.daq.file.survey import Description
 
@@ -76,17 +76,8 @@ def _channels(topics: dict[str, dict[str, str]]) -> Iterator[str]:
                 facts = json.loads(text)
                 name, sensor = facts.pop("name", key), facts.pop("sensor", "unknown sensor")
                 settings = [
-                    f"{setting.replace('_', ' ')} {_rounded(value)}"
+                    f"{setting.replace('_', ' ')} {rounded(value)}"
                     for setting, value in facts.items()
                     if value not in ("", "default")
                 ]
                 yield f"{name}: {sensor}; {', '.join(settings)}"
-
-
-def _rounded(quantity: str) -> str:
-    """Return a quantity with a shorter number: `9.999999999999999e-06 s` as `1e-05 s`."""
-    number, _, unit = str(quantity).partition(" ")
-    try:
-        return f"{float(number):.6g} {unit}".strip()
-    except ValueError:
-        return str(quantity)

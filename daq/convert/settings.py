@@ -204,8 +204,8 @@ def _unit_value(
     for possible in filter(None, ("V", channel.unit, integral)):
         value = value_in(text, possible)
         if value is not None:
-            in_file = value_in(f"1 {column_unit}", possible) if is_unit(column_unit) else value
-            if not source.full_scale and in_file != value:
+            stated = is_unit(column_unit) and not source.full_scale
+            if stated and value_in(f"1 {column_unit}", possible) != value:
                 warnings.append(
                     f"{option} {text[2:]!r} replaces the unit that the file states, {column_unit}"
                 )

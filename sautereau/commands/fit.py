@@ -57,10 +57,8 @@ def phases(
     lines = [HEADER, *(p.line for p in session)]
     lines += [f"warning: {text}" for text in grouped(warnings, "press")]
     lines += remark_lines(remarks, output.verbose, "--verbose")
-    if plot:
-        save_plot(plot, session.plot())
     result = {"files": [p.document for p in session], "faults": texts}
-    return output.answer(result, lines, plot, texts)
+    return output.answer(result, lines, plot, texts, draw=session.plot)
 
 
 def compare(
