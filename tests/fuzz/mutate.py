@@ -55,6 +55,9 @@ def of_bytes(data: bytes, dice: random.Random) -> bytes:
     return bytes(found)
 
 
+LARGEST = 10**7  # Characters; of one line only, a text grows 300-fold at once
+
+
 def of_text(text: str, dice: random.Random, words: tuple[str, ...] = ()) -> str:
     """Change numbers, words, lines of a text, or nest something in it.
 
@@ -77,7 +80,8 @@ def of_text(text: str, dice: random.Random, words: tuple[str, ...] = ()) -> str:
             del lines[place]
             text = "\n".join(lines)
         elif kind == 6:
-            lines[place:place] = [lines[dice.randrange(len(lines))]] * dice.choice((1, 2, 300))
+            line, times = lines[dice.randrange(len(lines))], dice.choice((1, 2, 300))
+            lines[place:place] = [line] * min(times, 1 + LARGEST // (1 + len(line)))
             text = "\n".join(lines)
         elif kind == 7:
             at = dice.randrange(len(text) + 1)

@@ -10,16 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.micrographs import Camera, carved, draw
 from sautereau.analysis.campaign.table import read_campaign
 from sautereau.daq.file.reading import read_recording, read_session
 from sautereau.rig.disk import unchanged
 from sautereau.rig.load import load_rig, with_values
 from sautereau.rig.text import rig_text
 from tests.forked import CommandServer
+from tests.fuzz.tables import campaign_of
 from tests.presses import MUTE_TEXT, QUICK
 from tests.recordings import write_recording
 
 PRESSES, RECORDINGS = 4, 300
+PIXEL = 9e-3  # mm, of a photograph
 LEFT_OVER = re.compile(r"\.new$|ing\.part$|\.parquet\.part$")
 """Names of files that only exist while something is written."""
 
@@ -58,6 +61,11 @@ def make_inputs(server: CommandServer, folder: Path) -> None:
 
     run("press rig.toml --scene paper --seed 1 -n 2 --out session")
     run("export session/press-0001.mcap session/press-0002.mcap --to csv --out .")
+    (folder / "plan.csv").write_text("press.jack_speed,repeats\n0.06 m/s,2\n0.07 m/s,2\n")
+    run("press rig.toml --scene ideal --seed 1 --table plan.csv --out speeds")
+    (folder / "keys.csv").write_text("key,string.length [mm]\na,600\nb,700\n")
+    campaign_of(folder / "campaign.parquet")
+    draw(carved(np.random.default_rng(3)), Camera(pixel=PIXEL)).save(folder / "photo.png")
     many = folder / "recordings"
     many.mkdir()
     for number in range(RECORDINGS):
@@ -95,10 +103,25 @@ def _pressed(folder: Path, reference: Path) -> None:
     presses_once(folder, PRESSES)
 
 
+def _pressed_once(folder: Path, reference: Path) -> None:
+    presses_once(folder, 1)
+
+
 def _learned(folder: Path, reference: Path) -> None:
     presses_once(folder, None)
     if not json.loads((folder / "out" / "learned.json").read_bytes())["rise"]:
         raise Lost("learned.json is empty")
+
+
+def _acquired(folder: Path, reference: Path) -> None:
+    found = sorted(folder.glob("acquire-*.mcap"))
+    if not found or not all(read_recording(path).complete for path in found):
+        raise Lost(f"of {len(found)} recordings one is not complete, or there is none")
+
+
+def _saved(folder: Path, reference: Path) -> None:
+    if _undated(folder / "rig.toml") != _undated(reference / "rig.toml"):
+        raise Lost("the rig differs from that of an undisturbed run")
 
 
 def _same(folder: Path, reference: Path, ended: bool = True) -> None:
@@ -108,8 +131,13 @@ def _same(folder: Path, reference: Path, ended: bool = True) -> None:
         found = folder / name
         if not path.is_file() or not (ended or found.exists()):
             continue
-        if not found.is_file() or found.read_bytes() != path.read_bytes():
+        if not found.is_file() or _undated(found) != _undated(path):
             raise Lost(f"{name} is missing, or differs from that of an undisturbed run")
+
+
+def _undated(path: Path) -> bytes:
+    """Return the content of a file without dates, which differ from run to run."""
+    return re.sub(rb"\d{4}-\d\d-\d\d", b"DATE", path.read_bytes())
 
 
 def _campaign(folder: Path, reference: Path) -> None:
@@ -166,6 +194,38 @@ COMMANDS = {
         _same,
         ("session",),
     ),
+    "acquire": Command(
+        "acquire ../inputs/rig.toml --sim --seed 1 --duration 0.1s",
+        _acquired,
+    ),
+    "replay": Command(
+        "replay ../inputs/session/press-0001.mcap ../inputs/rig.toml --scene ../inputs/bare.toml"
+        " --out out",
+        _pressed_once,
+    ),
+    "setup": Command(
+        "setup rig.toml loops --recording ../inputs/session/press-0001.mcap"
+        " --recording ../inputs/session/press-0002.mcap --save",
+        _saved,
+        ("rig.toml",),
+    ),
+    "outline": Command(
+        f"outline ../inputs/photo.png --pixels-per-mm {1 / PIXEL} --out carved.csv"
+        " --plot photo.png --force",
+        _same,
+    ),
+    **{
+        words.split()[0]: Command(f"{words} --plot plot.png --force", _same)
+        for words in (
+            "compare ../inputs/session",
+            "transient ../inputs/session",
+            "mount ../inputs/rig.toml",
+            "effects ../inputs/speeds",
+            "survey ../inputs/rig.toml ../inputs/keys.csv",
+            "touch ../inputs/campaign.parquet",
+            "trade ../inputs/rig.toml --scene ideal",
+        )
+    },
     "recover": Command("recover cut-off.mcap.part --force", _same, ("cut-off.mcap.part",)),
 }
 
