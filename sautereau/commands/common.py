@@ -1,5 +1,6 @@
 """Shared by the commands: their parameters, and the bench and recordings that they name."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -25,11 +26,14 @@ class Dated(type(Path())):
     """Default of what a command writes: a name with `DATE` in it, where the user is."""
 
     def today(self) -> Path:
-        """Return the first name of today that nothing has: press-2026-11-28, then ...-2."""
+        """Return the first name of today that nothing has, nor a recording that was cut off.
+
+        That is press-2026-11-28, then press-2026-11-28-2.
+        """
         for number in count(1):
             day = f"{date.today().isoformat()}{f'-{number}' * (number > 1)}"
             path = Path(str(self).replace("DATE", day))
-            if not (path.exists() or path.is_symlink()):
+            if not any(map(os.path.lexists, (path, f"{path}.part"))):
                 return path
         raise AssertionError
 

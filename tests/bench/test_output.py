@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from sautereau.commands.app import app, main
+from sautereau.commands.common import Dated
 from sautereau.commands.output import FileOutput, Output
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.progress import progress_to, tracked
@@ -60,6 +61,16 @@ def test_existing_files_are_refused_alike(tmp_path, monkeypatch, command):
     with pytest.raises(SautereauError, match="already exists; give another name, or --force"):
         app([command, *WRITES[command].split()], exit_on_error=False, print_error=False)
     assert {p.read_text() for p in tmp_path.rglob("*") if p.is_file()} == {"precious"}
+
+
+def test_a_name_of_today_is_free_of_a_recording_that_was_cut_off(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first = Dated("acquire-DATE.mcap").today()
+    Path(f"{first}.part").touch()
+    second = Dated("acquire-DATE.mcap").today()
+    second.touch()
+    third = Dated("acquire-DATE.mcap").today()
+    assert (second.stem, third.stem) == (f"{first.stem}-2", f"{first.stem}-3")
 
 
 def test_force_replaces_a_file_only_by_a_complete_one(sautereau, rig_file, tmp_path):
