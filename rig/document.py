@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from numbers import Real
@@ -159,7 +160,13 @@ def rename_keys(document: dict[str, Any]) -> list[str]:
 
 
 def current_key(key: str) -> str:
-    """Return the current name of a dotted key."""
+    """Return the current name of a dotted key, which may start with the number of a string.
+
+    `string2.plectrum.overlap` is `more_choirs.0.plectrum.overlap`.
+    """
+    if found := re.fullmatch(r"string([1-9]\d*)\.(.+)", key):
+        number, key = int(found[1]), found[2]
+        key = key if number == 1 else f"more_choirs.{number - 2}.{key}"
     return RENAMED_KEYS.get(key, key)
 
 

@@ -122,7 +122,8 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
             if last not in node and not _is_key(path):
                 raise KeyError(last)
         except (KeyError, IndexError, ValueError, TypeError):
-            hint = "; name an entry of the list by its index, from 0" * isinstance(node, list)
+            of_list = isinstance(node, list)
+            hint = f"; the rig has {len(node)} of these, with indices from 0" if of_list else None
             near = near_miss(dotted, list(model_keys(Rig)))
             faults.append(f"{dotted}: unknown quantity{hint or near}")
             continue

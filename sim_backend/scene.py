@@ -1,6 +1,6 @@
 """A scene: what the stand-in simulates, and with which step or accuracy."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -295,6 +295,11 @@ class Scene(Section):
         if faults:
             raise SceneError("\n".join(faults))
         return rig
+
+    def replaced(self, keys: Iterable[str]) -> list[str]:
+        """Return those dotted keys of a rig of which the simulated bench has the scene's value."""
+        choirs = "more_choirs." if self.more_choirs is not None else "\0"
+        return [key for key in keys if key in self.truth or key.startswith(choirs)]
 
     def _with_truth(self, rig: Rig) -> Rig:
         try:

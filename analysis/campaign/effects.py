@@ -113,6 +113,11 @@ def fit_effects(
     """
     known = np.flatnonzero(np.isfinite(values))
     own = {f: [levels[i] for i in known.tolist()] for f, levels in factors.items()}
+    if all(len(set(levels)) < 2 for levels in own.values()):
+        raise AnalysisError(
+            f"effects: {len(known)} of {len(values)} presses have this value, and no factor has two"
+            " levels in these; press a design of several, and see `sautereau phases`"
+        )
     columns = _Columns.of(own, order, interaction)
     numbers = np.unique(blocks[known], return_inverse=True)[1]
     fit = _Fit.of(values[known], columns, numbers)
@@ -151,10 +156,6 @@ class _Columns:
             for factor, own in factors.items()
         }
         several = {factor: own for factor, own in levels.items() if len(own) > 1}
-        if not several:
-            raise AnalysisError(
-                "effects: no factor has two levels in these presses; press a design of several"
-            )
         pairs = tuple(combinations(several, 2)) if interaction else ()
         return cls({factor: factors[factor] for factor in several}, several, pairs)
 

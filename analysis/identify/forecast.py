@@ -37,7 +37,6 @@ from sautereau.analysis.identify.parameters import (
     hidden_parameters,
     of_rig,
     parameters,
-    rig_key,
     value_of,
     with_parameters,
 )
@@ -47,6 +46,7 @@ from sautereau.analysis.model.choirs import choirs, key_of
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import predict
 from sautereau.analysis.phases import find_phases
+from sautereau.rig.document import current_key
 from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import key_motion, moving_inertia, rise_of_angle
@@ -166,7 +166,7 @@ def forecast(
     stds = []
     for p in free:
         name, ratio = of_rig(rig, p.name, 1.0)
-        stds.append(p.std or assumed_std(rig, rig_key(name)) / ratio)
+        stds.append(p.std or assumed_std(rig, current_key(name)) / ratio)
     drawn_of = Distribution(
         tuple(p.name for p in free),
         np.array([p.start for p in free]),

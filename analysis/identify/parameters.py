@@ -16,6 +16,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import choirs
 from sautereau.rig import ranges
 from sautereau.rig.acquisition import Channel
+from sautereau.rig.document import current_key
 from sautereau.rig.faults import fault_list, unit_of
 from sautereau.rig.ranges import deviations, shared_keys
 from sautereau.rig.schema import Rig
@@ -105,12 +106,6 @@ def split_name(name: str) -> tuple[int, str]:
     """Return the number of a parameter's string, and its name for the first string."""
     found = _FURTHER.fullmatch(name)
     return (int(found[1]), found[3]) if found and found[1] else (1, name)
-
-
-def rig_key(name: str) -> str:
-    """Return the dotted key of the rig file for a parameter of the rig."""
-    string, own = split_name(name)
-    return own if string == 1 else f"more_choirs.{string - 2}.{own}"
 
 
 def is_name(name: str) -> bool:
@@ -263,7 +258,7 @@ def read_prior(text: str) -> tuple[str, Prior]:
 def value_of(rig: Rig, name: str) -> float:
     """Return the value [SI] of a parameter in the rig; 0 for an offset."""
     _, own = split_name(name)
-    return 0.0 if own.startswith("offset.") else ranges.value_of(rig, rig_key(name))
+    return 0.0 if own.startswith("offset.") else ranges.value_of(rig, current_key(name))
 
 
 def values_of_rig(rig: Rig, free: Sequence[Parameter]) -> Floats:
@@ -316,12 +311,12 @@ def with_parameters(rig: Rig, values: Mapping[str, float]) -> Rig:
     stiffnesses = {n: own.pop(n) for n in list(own) if split_name(n)[1] == STIFFNESS}
     changed = rig.replaced({k: v for name in own for k, v in _with_shared(rig, name, own[name])})
     moduli = dict(of_rig(changed, name, value) for name, value in stiffnesses.items())
-    return changed.replaced({rig_key(name): value for name, value in moduli.items()})
+    return changed.replaced({current_key(name): value for name, value in moduli.items()})
 
 
 def _with_shared(rig: Rig, name: str, value: float) -> list[tuple[str, float]]:
     """Return the rig's keys that change with a parameter, and their values [SI]."""
-    own = rig_key(name)
+    own = current_key(name)
     others = [key for key in ranges.shared_keys(rig, own) if key != own]
     change = value - value_of(rig, name) if others else 0.0
     return [(own, value), *((key, ranges.value_of(rig, key) + change) for key in others)]
@@ -355,10 +350,10 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
 def bounds_of(rig: Rig, name: str) -> tuple[float, float]:
     """Return the bounds [SI] of a parameter without a prior; both are 0 if nothing is known."""
     string, own = split_name(name)
-    if known := ENDS.get(own) or rig.assumed.get(rig_key(name)):
+    if known := ENDS.get(own) or rig.assumed.get(current_key(name)):
         return known
     value, plectrum = value_of(rig, name), choirs(rig)[string - 1].plectrum
-    keys = {key: rig_key(name.replace(STIFFNESS, key)) for key in OF_STIFFNESS}
+    keys = {key: current_key(name.replace(STIFFNESS, key)) for key in OF_STIFFNESS}
     factors = {key: rig.assumed[at] for key, at in keys.items() if at in rig.assumed}
     if own == STIFFNESS and MODULUS in factors:
         ends = ({key.split(".")[1]: ends[k] for key, ends in factors.items()} for k in (0, 1))
@@ -455,7 +450,7 @@ def unfitted(rig: Rig, names: Sequence[str]) -> list[str]:
     if of_plectrum.isdisjoint(names):
         of_plectrum = {STIFFNESS if MODULUS in rig.assumed else MODULUS}
     of_plectrum |= {WIDTH} if STIFFNESS in names else set()  # it has no other effect
-    fitted = {key for name in names for key in shared_keys(rig, rig_key(name))}
+    fitted = {key for name in names for key in shared_keys(rig, current_key(name))}
     return [name for name in NAMES if name not in {*names, FORCE, TIME, *of_plectrum, *fitted}]
 
 

@@ -39,6 +39,7 @@ from sautereau.analysis.text import (
     in_rig_units,
     quantity_in_rig,
     table,
+    visible,
 )
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
@@ -259,7 +260,7 @@ class Fit(Result):
     def _source(self) -> str:
         first, more = self.found.presses[0], len(self.found.presses) - 1
         return (
-            f"identified from {'SIMULATED ' * self.simulated}{first}"
+            f"identified from {'SIMULATED ' * self.simulated}{visible(first)}"
             f"{f' and {more} more' * (more > 0)} on {date.today().isoformat()}"
         )
 

@@ -42,10 +42,10 @@ HOLD_SPEED = (
 """How to keep the jack's speed while a string is held."""
 UNCLEAR = (
     "the sign of the force slope is not known: the finger bounces on the key while the string is"
-    " held, another string is released meanwhile, or the force is saturated; press more slowly, or"
-    " with softer loops, or lower the gain"
+    " held, or another string is released meanwhile; press more slowly, or with softer loops"
 )
-"""Why a press is not compared."""
+SATURATED = "the force is saturated while the string is held; lower the gain, or take a wider range"
+"""With `UNCLEAR` why a press is not compared."""
 PressT = TypeVar("PressT", bound=AnalysedPress)
 
 
@@ -361,15 +361,17 @@ def _to_compare(
         Them, of each press with a slope of known sign; and a warning about the others.
     """
     string = compared_string([press.phases for press in presses])
-    clear, unclear = [], []
+    clear: list[tuple[AnalysedPress, Sequence[Prediction]]] = []
+    omitted: dict[str, list[AnalysedPress]] = {}
     for press, own in zip(presses, predictions, strict=True):
         held = press.phases.of_string(string)
         if held and (held.saturated or abs(held.force_slope) <= NORMAL * held.force_slope_std):
-            unclear.append(press)
+            reason = SATURATED if held.saturated else UNCLEAR
+            omitted.setdefault(reason, []).append(press)
         else:
             clear.append((press, own))
     if not clear:
-        raise AnalysisError(UNCLEAR)
+        raise AnalysisError("; ".join(omitted))
     both: list[tuple[Phases, Prediction, JackSpeed | None]] = [
         (press.phases, predicted, speed)
         for press, own in clear
@@ -377,7 +379,7 @@ def _to_compare(
         if pluck.string == string
     ]
     both = both or [(press.phases, own[0], None) for press, own in clear]
-    return both, _omitted(unclear, UNCLEAR)
+    return both, [text for reason, some in omitted.items() for text in _omitted(some, reason)]
 
 
 def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:

@@ -14,9 +14,9 @@ from pydantic import BaseModel, JsonValue
 from sautereau.daq.file.provenance import check_recordable
 from sautereau.rig import disk
 from sautereau.rig.csv_files import read_rows
-from sautereau.rig.document import comparable, current_key, rig_document, typed_value
+from sautereau.rig.document import comparable, current_key, flat, rig_document, typed_value
 from sautereau.rig.errors import RigError
-from sautereau.rig.faults import fault_list, model_keys, near_miss
+from sautereau.rig.faults import bare_key, fault_list, model_keys, near_miss
 from sautereau.rig.load import with_values
 from sautereau.rig.schema import Rig
 from sautereau.robot.errors import RobotError
@@ -134,7 +134,8 @@ class _Table:
 
     def _bench(self, values: dict[str, Any]) -> Rig | list[str]:
         """Return the rig with a row's values, or its faults; equal rows share it."""
-        known = {key: value for key, value in values.items() if key in set(model_keys(Rig))}
+        keys = set(model_keys(Rig))
+        known = {key: value for key, value in values.items() if bare_key(key) in keys}
         key = tuple(known.items())
         if key not in self._benches:
             try:
@@ -157,7 +158,7 @@ def _column_faults(columns: list[str]) -> Iterator[str]:
             yield f"line 1: column {place} has no name; name it, or remove it"
         elif columns.index(name) < place - 1:
             yield f"line 1: column {name} occurs twice; remove one"
-        elif name not in known | {"repeats", "notes"}:
+        elif bare_key(name) not in known | {"repeats", "notes"}:
             yield f"line 1: {name}: no such quantity in a rig{near_miss(name, sorted(known))}"
 
 
@@ -254,13 +255,8 @@ def to_set(rig: Rig, set_before: Mapping[str, Any], row: Row) -> dict[str, Any]:
         set_before: Current settings that differ from the rig.
         row: Row of the next presses; settings that it does not change return to the rig's.
     """
-    document = rig_document(rig)
-    needed = {}
-    for key in dict.fromkeys([*set_before, *row.set_up]):
-        own: Any = document
-        for part in key.split("."):
-            own = own[part]
-        needed[key] = row.set_up.get(key, own)
+    own = flat(rig_document(rig))
+    needed = {key: row.set_up.get(key, own.get(key)) for key in [*set_before, *row.set_up]}
     return {key: value for key, value in needed.items() if set_before.get(key) != value}
 
 

@@ -166,6 +166,8 @@ def test_what_cannot_be_separated_is_refused():
     ):
         with pytest.raises(AnalysisError, match=words):
             fit_effects(values, factors, one, interaction=interaction)
+    with pytest.raises(AnalysisError, match="0 of 4 presses have this value"):
+        fit_effects(np.full(4, np.nan), {"a": names}, one)
     with pytest.raises(AnalysisError, match="no spread"):
         fit_effects(np.ones(4), {"a": names}, one)
 

@@ -25,6 +25,7 @@ from sautereau.robot.experiment.session_folder import (
     read_manifest,
     write_manifest,
 )
+from sautereau.sim_backend.scene import load_scene
 from sautereau.trajectory.press import plan_press
 from tests.presses import QUICK, mute_scene
 from tests.recordings import SESSION, write_recording
@@ -108,6 +109,21 @@ def test_a_table_that_changes_the_instrument_says_what_to_set():
     assert plan.total == 5
     assert to_set(RIG, {}, plan.rows[2]) == mass
     assert to_set(RIG, mass, plan.rows[3]) == {"jack.mass": "0.006 kg"}
+
+
+def test_a_table_names_the_plectrum_of_string_2(tmp_path):
+    scene, key = load_scene("two-choirs"), "more_choirs.0.plectrum.overlap"
+    two = scene.true_rig(RIG)
+    path = tmp_path / "plan.csv"
+    path.write_text("string2.plectrum.overlap,repeats\n0.2 mm,1\n")
+    (row,) = read_plan_table(path, two, 1)
+    assert row.rig.more_choirs[0].plectrum.overlap == pytest.approx(2e-4)
+    assert to_set(two, {}, row) == {key: "0.2 mm"}
+    assert to_set(two, row.set_up, Row(two)) == {key: "0.00025 m"}
+    assert scene.replaced(row.set_up) == [key]
+    assert load_scene("ideal").replaced(row.set_up) == []
+    with pytest.raises(RobotError, match=r"more_choirs\.0\.plectrum\.overlap: .*has 0 of these"):
+        read_plan_table(path, RIG, 1)
 
 
 def test_an_empty_plan_is_refused_with_all_its_faults():
