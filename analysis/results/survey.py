@@ -79,8 +79,9 @@ class Evenness:
     string: int
     source: str
     """`predicted` or `measured`."""
-    per_key: float
-    """Dimensionless, relative change of the trend from one key of the table to the next, median."""
+    per_key: float | None
+    """Dimensionless, relative change of the trend from one key of the table to the next, median;
+    None below `LEAST` keys, which have no outliers either."""
     deviations: dict[str, float]
     """Dimensionless, relative deviation of each key from the trend, by its name."""
     spread: float
@@ -139,9 +140,10 @@ class Survey(Result):
             lines += table(heads + rows, indent=2)
             for own in found:
                 far = ", ".join(f"{k} {100 * own.deviations[k]:+.1f} %" for k in own.outliers)
-                line = f"{100 * own.per_key:+.2f} % per key, spread {100 * own.spread:.2g} %"
-                few = f"no slope and no outliers below {LEAST} keys"
-                line = few if len(own.deviations) < LEAST else f"{line}; outliers: {far or 'none'}"
+                line = f"no slope and no outliers below {LEAST} keys"
+                if own.per_key is not None:
+                    line = f"{100 * own.per_key:+.2f} % per key, spread {100 * own.spread:.2g} %"
+                    line += f"; outliers: {far or 'none'}"
                 lines.append(f"{QUANTITIES[own.name].label}: {line}")
         return [*lines, *(f"warning: {warning}" for warning in self.warnings)]
 
@@ -290,14 +292,16 @@ def _evenness(own: Mapping[int, Touched], name: str, string: int, source: str) -
     places = np.array([*own])
     logs = np.log([each.values(source)[name] for each in own.values()])
     lines = np.tile([0.0, np.median(logs)], (len(own), 1))
-    for k in range(len(own) if len(own) >= LEAST else 0):
+    enough = len(own) >= LEAST
+    for k in range(len(own) * enough):
         near = np.argsort(np.abs(places - places[k]), kind="stable")[:OCTAVE]
         lines[k] = siegelslopes(logs[near], places[near] - places[k])
-    slope, residuals = np.median(lines[:, 0]), logs - lines[:, 1]
+    per_key = float(np.expm1(np.median(lines[:, 0]))) if enough else None
+    residuals = logs - lines[:, 1]
     spread = float(median_abs_deviation(residuals)) / MAD_OF_NORMAL
     deviations = dict(zip([e.key for e in own.values()], np.expm1(residuals).tolist(), strict=True))
-    largest = np.argsort(-np.abs(residuals)).tolist() if len(own) >= LEAST else []
+    largest = np.argsort(-np.abs(residuals)).tolist() if enough else []
     least = max(LIMIT * spread, np.log1p(FELT))
     far = [k for k in largest if abs(residuals[k]) > least]
     outliers = tuple([*deviations][k] for k in far)
-    return Evenness(name, string, source, float(np.expm1(slope)), deviations, spread, outliers)
+    return Evenness(name, string, source, per_key, deviations, spread, outliers)

@@ -119,7 +119,7 @@ def test_a_cluster_gives_the_same(tmp_path):
 def test_few_keys_have_no_outliers():
     found = survey(instrument(4, {2: 1.3}))
     assert of(found, "force_drop").outliers == ()
-    assert of(found, "force_drop").per_key == 0
+    assert of(found, "force_drop").per_key is None
     assert "force drop: no slope and no outliers below 5 keys" in str(found)
 
 
