@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -12,10 +13,13 @@ from sautereau.rig.errors import RigError
 from sautereau.rig.faults import bare_key, model_keys, near_miss, unit_of
 from sautereau.rig.layers import Layers, read_toml
 from sautereau.rig.schema import Rig
-from sautereau.rig.units import parse_quantity, shown
+from sautereau.rig.units import parse_quantity, readable_quantity, shown
 
 _LOG = logging.getLogger(__name__)
-MODULI = (0.1e9, 300e9)  # Pa, from soft quill to steel: others are asked to be confirmed
+USUAL = {  # Unit and range of plectra: other values are asked to be confirmed
+    "youngs_modulus": ("Pa", 0.1e9, 300e9),  # from soft quill to steel
+    "thickness": ("m", 50e-6, 5e-3),  # at the clamp
+}
 
 
 def load_rig(name: str | Path = "paper") -> Rig:
@@ -83,17 +87,9 @@ def rig_of(layers: Layers) -> Rig:
                 f"[[{key}]] replaces that of the base; [{key}.0] changes its first entry"
             )
         raise
-    for key, modulus in _unusual_moduli(rig):
+    for key, why in _unusual(rig):
         if key not in layers.assumed and key not in layers.sources:
-            _LOG.warning(
-                "%s: %s",
-                origin,
-                layers.place(key).said(
-                    f"{key}: {modulus / 1e9:.4g} GPa is not within {MODULI[0] / 1e9:g} to"
-                    f" {MODULI[1] / 1e9:g} GPa, as those of plectra; correct its unit, or confirm"
-                    " it with a source or an assumed range",
-                ),
-            )
+            _LOG.warning("%s: %s", origin, layers.place(key).said(f"{key}: {why}"))
     return rig.model_copy(update={"assumed": ranges, "sources": layers.sources})
 
 
@@ -138,13 +134,19 @@ def _is_key(path: Sequence[str]) -> bool:
     return ".".join(part for part in path if not part.isdigit()) in set(model_keys(Rig))
 
 
-def _unusual_moduli(rig: Rig) -> Iterator[tuple[str, float]]:
-    """Yield keys and values [Pa] of Young's moduli that no plectrum has."""
+def _unusual(rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield keys whose values no plectrum has, and what is to be done."""
     plectra = {"plectrum": rig.plectrum}
     plectra |= {f"more_choirs.{n}.plectrum": c.plectrum for n, c in enumerate(rig.more_choirs)}
-    for key, plectrum in plectra.items():
-        if not MODULI[0] <= plectrum.youngs_modulus <= MODULI[1]:
-            yield f"{key}.youngs_modulus", plectrum.youngs_modulus
+    for (key, plectrum), (name, (unit, low, high)) in product(plectra.items(), USUAL.items()):
+        value = getattr(plectrum, name)
+        if not low <= value <= high:
+            found, least, most = (readable_quantity(each, unit) for each in (value, low, high))
+            yield (
+                f"{key}.{name}",
+                f"{found} is not within {least} to {most}, as those of plectra; correct its unit,"
+                " or confirm it with a source or an assumed range",
+            )
 
 
 def assumed_ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):

@@ -184,6 +184,14 @@ def test_a_rig_with_an_outline_reads_back(paper_text, tmp_path, outline_of):
     assert rig_from_json(rig_json(rig)) == rig
 
 
+def test_an_outline_in_a_wrong_unit_is_asked_to_be_confirmed(tmp_path, caplog):
+    (tmp_path / "contour.csv").write_text(csv(WEDGE, "x [mm], z [um]"), encoding="utf-8")
+    own = 'name = "own"\nbase = "paper"\nplectrum = { outline = { file = "contour.csv" } }\n'
+    (tmp_path / "own.toml").write_text(own, encoding="utf-8")
+    load_rig(tmp_path / "own.toml")
+    assert "line 3: plectrum.thickness: 480 nm is not within 50 µm to 5 mm" in caplog.text
+
+
 def test_an_outline_of_another_choir(paper_text, tmp_path):
     (tmp_path / "contour.csv").write_text(csv(WEDGE), encoding="utf-8")
     sections = {}
