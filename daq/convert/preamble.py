@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from sautereau.daq.convert.text import kind_of, number_in
 from sautereau.rig.units import parse_quantity
 
-UNIT = re.compile(r"[^\W\d_]{1,20}(\^?[23]|[²³])?(/[^\W\d_]{1,20}(\^?[23]|[²³])?)?")
+PER = r"[ .·*]s(\^|\*\*)?-1|[ .·*]s⁻¹"  # mm s-1, mm·s⁻¹
+UNIT = re.compile(rf"[^\W\d_]{{1,20}}(\^?[23]|[²³])?(/[^\W\d_]{{1,20}}(\^?[23]|[²³])?|{PER})?")
 """Spelling of a unit in a file; a longer text is not a unit."""
 MEASURED_IN = ("V", "s", "m/s", "N", "m", "Hz")  # Dimensions of the units that are recognised
 COMMENT = re.compile(r"[#%;\s]*")
@@ -36,6 +37,7 @@ PER_SECOND = re.compile(r"(?:sa|samples|s)/s(?:ec)?|sps", re.IGNORECASE)
 
 def value_in(text: str, unit: str) -> float | None:
     """Return a quantity in an SI unit, None if it has another dimension; NI writes Volts."""
+    text = re.sub(f"({PER})$", "/s", text)
     for spelling in (text, text.lower()):
         try:
             return parse_quantity(spelling, unit)

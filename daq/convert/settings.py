@@ -198,7 +198,8 @@ def _unit_value(
         lacking = "unit" if source.full_scale else "full scale"
         faults.append(f"{name}: a {source.kind} file has no {lacking}; give {option} {example}")
     if not text:
-        faults.append(f"{name}: its {what} is missing; give {option} {example}")
+        unknown = " or unknown" * (column is not None and not source.full_scale)
+        faults.append(f"{name}: its {what} is missing{unknown}; give {option} {example}")
         return None
     integral = {"m/s": "m"}.get(channel.unit)
     for possible in filter(None, ("V", channel.unit, integral)):

@@ -222,6 +222,12 @@ def test_columns_named_as_the_channels_with_their_units(bring, refused):
     np.testing.assert_allclose(found.volts["force"], [1.0, 3.0], rtol=1e-12)
 
 
+@pytest.mark.parametrize("unit", ["mm s-1", "mm s^-1", "mm.s-1", "mm·s⁻¹", "mm*s**-1"])
+def test_a_speed_may_be_written_as_a_product(bring, unit):
+    _, found = bring(f"velocity [{unit}],force (mN)\n25,1000\n", rate="1 kHz", without=())
+    np.testing.assert_allclose(found.volts["velocity"], [1.0], rtol=1e-12)
+
+
 def write_wav(path, frames, width, rate=48_000, channels=1):
     with wave.open(str(path), "wb") as file:
         file.setnchannels(channels)
