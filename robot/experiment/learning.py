@@ -44,6 +44,7 @@ _INDEPENDENT = {
 }
 """What alters neither the path of the joints nor their response to it: where and how fast the arm
 may move, what `plan` predicts, and the load."""
+LEARN = "give the file of `sautereau learn`"  # Where another file is given
 _LOAD = ("key", "jack", "plectrum", "string", "more_choirs")  # On the finger
 
 
@@ -289,8 +290,8 @@ def read_learned(path: Path, rig: Rig, feed_forward: str = "") -> LearnedCorrect
             controller.
         TrajectoryError: It holds no valid correction.
     """
-    origin, fix = f"learned correction {path}: cannot be read", "give the file of `sautereau learn`"
-    with validating(_Learned, RobotError, origin, fix=fix), explained(RobotError, origin, fix):
+    origin = f"learned correction {path}: cannot be read"
+    with validating(_Learned, RobotError, origin, fix=LEARN), explained(RobotError, origin, LEARN):
         found = _Learned.model_validate_json(read_limited(path))
     then, now = current_document(found.learned_for.model_dump()), _learned_for(rig, feed_forward)
     if faults := [*differences(_motion(then, now), _motion(now, now))]:

@@ -11,7 +11,7 @@ from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Recorded
-from sautereau.rig.disk import as_text
+from sautereau.rig.disk import as_text, explained, read_limited
 from sautereau.rig.document import values_of
 from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Gesture, Press, Rig
@@ -19,7 +19,7 @@ from sautereau.rig.units import format_quantity
 from sautereau.robot.controller import TorqueTable
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of, torque_table
-from sautereau.robot.experiment.learning import LearnedCorrection, read_learned
+from sautereau.robot.experiment.learning import LEARN, LearnedCorrection, read_learned
 from sautereau.robot.experiment.plan import Row, digest
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.motion import Floats
@@ -47,13 +47,17 @@ class Planner:
     """
 
     def __init__(self, learned: Path | None = None, feed_forward: Path | None = None):
+        # Before they are hashed: neither may be a file of any other kind and size.
+        self._measured = force_of(feed_forward) if feed_forward else None
+        if learned:
+            with explained(RobotError, f"learned correction {learned}: cannot be read", LEARN):
+                read_limited(learned)
         used = {"learned": learned, "feed_forward": feed_forward}
         self.files = {name: digest(path) for name, path in used.items() if path}
         """SHA-256 of the files by their role."""
         self._path = learned
         self.learned: LearnedCorrection | None = None
         """The correction of the last plan."""
-        self._measured = force_of(feed_forward) if feed_forward else None
         self._made: list[tuple[Rig, tuple[Trajectory, TorqueTable | None]]] = []
         self.warnings: list[str] = []
         """What is doubtful about the plans so far."""

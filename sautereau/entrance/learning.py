@@ -127,8 +127,8 @@ class Learning:
         self._open = cache(PressFile)  # a recording is analysed once
         if self._file.exists() and not may_replace(self._file):
             raise RobotError(f"learning: {self._file} already exists; give another folder")
-        self._pushed = digest(feed_forward) if feed_forward else ""
         measured = force_of(feed_forward) if feed_forward else None
+        self._pushed = digest(feed_forward) if feed_forward else ""
         files = {"learned": LEARNING}
         self._plan = Plan(
             self._nominal,
