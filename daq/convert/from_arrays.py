@@ -6,6 +6,7 @@ Each library runs in a program of its own, see `sautereau.daq.convert.readers`.
 import importlib.util
 import io
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -15,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
 
 import numpy as np
@@ -155,7 +156,9 @@ def _read(kind: str, path: Path) -> Found:
     command = [sys.executable, "-P", "-m", READERS, kind, str(path), *limits]
     fault, slow = "its reader has ended", "reading it takes longer than the limit"
     try:
-        run = subprocess.run(command, capture_output=True, check=True, timeout=HANGING)
+        with TemporaryDirectory(prefix="sautereau-") as folder:  # asammdf leaves files in it
+            env = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)
+            run = subprocess.run(command, capture_output=True, check=True, timeout=HANGING, env=env)
         with np.load(io.BytesIO(run.stdout), allow_pickle=False) as arrays:
             head, *found = (arrays[name] for name in arrays.files)
         names, about, document = json.loads(str(head))

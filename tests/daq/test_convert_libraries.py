@@ -300,6 +300,18 @@ def test_measurement_data_of_several_groups_and_a_formula(tmp_path):
         source.read(["group(1)/vel"])
 
 
+def test_no_copy_of_damaged_measurement_data_is_left(tmp_path, monkeypatch):
+    """By the flag of an unfinished file asammdf makes a copy, and it always makes a file."""
+    flagged = bytearray(made_by(mdf, "a.mf4", cut=3000))
+    flagged[60] = 1
+    (tmp_path / "a.mf4").write_bytes(flagged)
+    monkeypatch.setenv("TMPDIR", str(copies := tmp_path / "copies"))
+    copies.mkdir()
+    with pytest.raises(RecordingError, match="damaged"):
+        open_source(tmp_path / "a.mf4")
+    assert not list(copies.iterdir())
+
+
 def test_measurement_data_of_another_writer(tmp_path):
     mf4_rs = pytest.importorskip("mf4_rs")
     writer = mf4_rs.MdfWriter(str(path := tmp_path / "a.mf4"))
