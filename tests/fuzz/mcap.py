@@ -55,6 +55,7 @@ def records(data: bytes) -> list[Record]:
 def together(parts: list[Record]) -> bytes:
     """Return a file of records, with the checksums and the places of its chunks made right."""
     data, summary, chunks = bytearray(MAGIC), bytearray(), []
+    made: dict[int, bytes] = {}  # One chunk may be there a thousand times
     target = data
     for part in parts:
         if part.opcode == DATA_END and target is data:
@@ -68,7 +69,8 @@ def together(parts: list[Record]) -> bytes:
             place = struct.pack("<QQ", *chunks.pop(0))
             target += Record(INDEX, part.body[:16] + place + part.body[32:]).packed()
         else:
-            packed = part.packed()
+            packed = made.get(id(part)) or part.packed()
+            made[id(part)] = packed
             if part.opcode == CHUNK:
                 chunks.append((len(target), len(packed)))
             target += packed
