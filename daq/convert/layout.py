@@ -211,8 +211,10 @@ def _refuse_rows_above(fit: _Fit, named: bool, texts: list[tuple[int, str]]) -> 
             or (damaged and _numbers_of(kinds, fit.kinds))
         ):
             begin = texts[fit.start][0]
-            other = (j for j in range(k, fit.start) if not _is_row(rows[j], fit.kinds))
-            bad = next(other, fit.start - 1)  # or one with a number in place of a text
+            between = range(k, fit.start + 1)
+            other = (j for j in between if not _is_row(rows[j], fit.kinds))
+            # Or it has a number where the first has a text, as by another decimal sign.
+            bad = next(other, next((j for j in between if rows[j] != rows[k]), fit.start))
             line, text = texts[bad]
             raise RecordingError(
                 f"its rows seem to begin in line {number}, but line {line}, {shown(text.strip())},"
