@@ -116,21 +116,36 @@ def jack_speeds(press: Press, phases: Phases) -> tuple[JackSpeed, ...]:
     signals.
 
     The rise is smoothed over `WINDOW` (Savitzky and Golay, 1964) from one contact or release to the
-    next. If the jack stops or turns, or is recorded in too few samples, that pluck and all later
+    next. Before the first contact, where the smoothing would mix in how the string slows the jack,
+    the acceleration is constant over half of it. If the jack stops or turns, or is recorded in too few samples, that pluck and all later
     ones have none.
 
     Args:
         press: The recording, at least its `jack_rise` from contact to the last release.
     """
     found: list[JackSpeed] = []
+    before = [] if press.missing else _until_contact(press, phases)
     for held in () if press.missing else phases.plucks:
         edges = _edges(phases, held)
         pieces = [_smoothed(press, *ends) for ends in pairwise(edges)]
         known = [piece for piece in pieces if piece is not None and np.all(piece.speed > 0)]
         if len(known) < len(pieces):
             break
-        found.append(reduce(JackSpeed.followed_by, known))
+        found.append(reduce(JackSpeed.followed_by, [*before, *known]))
     return tuple(found)
+
+
+def _until_contact(press: Press, phases: Phases) -> list[JackSpeed]:
+    """Return the motion before the first contact; nothing if there are too few samples."""
+    contact = min((each.contact for each in phases.plucks), default=np.nan)
+    rows = press.between(contact - WINDOW / 2, contact)
+    time, rise = press.time[rows] - contact, press.samples["jack_rise"][rows]
+    if len(rise) < LEAST:
+        return []
+    half, speed, place = np.polyfit(time, rise, 2)
+    ends = np.array([time[0], 0.0])
+    motion = half * ends**2 + speed * ends + place, speed + 2 * half * ends, np.full(2, 2 * half)
+    return [JackSpeed(*motion)] if np.all(motion[1] > 0) else []
 
 
 def _edges(phases: Phases, held: HeldString) -> list[float]:

@@ -97,6 +97,24 @@ def test_the_acceleration_changes_at_the_contact_of_another_string(paper):
     assert speed.at(np.interp([0.0301, 0.0599], time, rise))[1] == pytest.approx([0, -2], abs=0.01)
 
 
+def test_the_string_slows_the_jack_after_the_contact_only(paper):
+    """From the contact on by 1 m/s^2; the force at it is that of a constant speed."""
+    rig = paper
+    contact = rig.jack.string_clearance / 0.07
+    time = np.arange(0.0, 0.1, 2e-5)
+    rise = 0.07 * time - np.maximum(0.0, time - contact) ** 2 / 2
+    press = Press(Path("a"), rig, True, time, {"jack_rise": rise}, 5e4)
+    held = HeldString(contact, contact + 0.025, 1e-5, 1e-5, 0.1, 0.9, 0.8, 1e3)
+    (speed,) = jack_speeds(press, Phases(0.0, 0.15, (held,), 0.07, 0.07, 0.07, ()))
+    forces = []
+    for law in (speed, JackSpeed.constant(0.07)):
+        found = predict(rig, speed=law)
+        forces.append(pluck_features(rig, found, found.choirs[0])["contact_force"])
+    assert forces[0] == pytest.approx(forces[1], rel=5e-3)
+    at = np.interp([contact - 1e-4, contact + 0.01], time, rise)
+    assert speed.at(at)[1] == pytest.approx([0, -1], abs=0.01)
+
+
 def phases_of(prediction, *, slope=0.0, rise=0.0, duration=0.0):
     """Return the phases of a measurement for given model errors."""
     predicted_slope, predicted_rise = predicted_features(prediction)
