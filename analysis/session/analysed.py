@@ -117,11 +117,12 @@ def jack_speeds(press: Press, phases: Phases) -> tuple[JackSpeed, ...]:
 
     The rise is smoothed over `WINDOW` (Savitzky and Golay, 1964) from one contact or release to the
     next. Before the first contact, where the smoothing would mix in how the string slows the jack,
-    the acceleration is constant over half of it. If the jack stops or turns, or is recorded in too few samples, that pluck and all later
-    ones have none.
+    the acceleration is constant over half of it. If the jack stops or turns, or is recorded in too
+    few samples, that pluck and all later ones have none.
 
     Args:
-        press: The recording, at least its `jack_rise` from contact to the last release.
+        press: The recording, at least its `jack_rise` from `WINDOW` before the first contact to the
+            last release.
     """
     found: list[JackSpeed] = []
     before = [] if press.missing else _until_contact(press, phases)
