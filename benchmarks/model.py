@@ -10,6 +10,7 @@ from sautereau.analysis.model.pluck.equilibria import Equilibria
 from sautereau.analysis.model.pluck.loaded import OnePlectrum
 from sautereau.analysis.model.pluck.paths import Status, solve_paths
 from sautereau.analysis.model.predict import predict
+from sautereau.analysis.session.compare import held_steps
 from sautereau.rig.instrument import Outline
 from sautereau.rig.load import load_rig
 from sautereau.rig.schema import Rig
@@ -47,7 +48,8 @@ def _one(rig: Rig) -> list[Figure]:
     ).curves[-1]
     rise = rig.jack.string_clearance + exact.height[0]
     pushed = exact.lift[0] * rig.string.static_stiffness
-    force = np.interp(rise, found.rise, found.string_force)
+    held = held_steps(found.choirs[0])  # without the instant at which the force has fallen
+    force = np.interp(rise, found.rise[held], found.string_force[held])
     error = float(np.abs(force - pushed).max() / pushed[-1])
     duration = found.pluck_duration * rig.press.jack_speed
     error = max(error, abs(duration / exact.height[0, -1] - 1))
