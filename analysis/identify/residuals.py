@@ -28,7 +28,7 @@ NOT_OF_STRINGS = {
 }  # Parameters that affect neither the strings' forces nor the bending of the key
 NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, "key.inertia", "jack.mass"}  # And if the key is rigid
 CACHED_POINTS = 3  # Points whose string forces are kept: most derivatives do not change them
-ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and vibration
+ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and cloth
 
 
 class InverseDynamics:
@@ -294,27 +294,18 @@ def _state(
     bending = elastic.Bending(modes, press, lag, gain, key.press_arm, inertia)
     bent, rise = np.zeros((3, len(angle))), np.zeros(len(angle))
     before = pushing = np.zeros((len(strings), len(angle)))
-    held = behind = [np.zeros(last) for last in lasts]
-    for iteration in range(1 + ITERATIONS):
-        if iteration:
-            behind = [
-                string.held.behind(own, known, step)
-                for string, own, known in zip(strings, held, behind, strict=True)
+    for iteration in range(1 + ITERATIONS * bool(modes or cloth)):
+        if modes and iteration:
+            bent, rise = bending.by(arms @ (pushing - pushing[:, :1]))
+            risen = [
+                rise_of_angle(string.key, angle - bent[0]) + string.choir.jack_arm * rise
+                for string in strings
             ]
-            if modes:
-                bent, rise = bending.by(arms @ (pushing - pushing[:, :1]))
-                risen = [
-                    rise_of_angle(string.key, angle - bent[0]) + string.choir.jack_arm * rise
-                    for string in strings
-                ]
         heights = [height - cloth * push for height, push in zip(risen, pushing, strict=True)]
-        held = [
-            string.held.force(height[: len(known)] - string.choir.jack.string_clearance, known)
-            for string, height, known in zip(strings, heights, behind, strict=True)
-        ]
         before, pushing = pushing, np.zeros_like(pushing)
-        for push, string, height, own in zip(pushing, strings, heights, held, strict=True):
-            push[: len(own)] = own
+        for push, string, height, last in zip(pushing, strings, heights, lasts, strict=True):
+            above = height[:last] - string.choir.jack.string_clearance
+            push[:last] = string.held.force(above, string.held.behind(above, step))
             if damped and (damper := string.choir.jack.damper) is not None:
                 lowered = np.maximum(damper.lift + higher - height, 0.0)
                 push -= damped * damper.stiffness * lowered
