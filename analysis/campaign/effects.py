@@ -7,9 +7,13 @@ deviations of blocks and presses are independent and normal. The model is estima
 maximum likelihood, and by least squares where a deviation of the blocks is not identifiable or
 estimated as zero. A mean of a level is that over all levels of the others with
 equal weights. Intervals are Student's; their degrees of freedom are those of the blocks for a
-comparison between blocks, and those of the presses for one within blocks (containment).
+comparison between blocks, and those of the presses for one within blocks (containment). An error of
+its fit, of known standard uncertainty, may be common to all presses of a level, and differ from
+level to level: its variance is added, and the degrees of freedom are those of Welch and
+Satterthwaite (JCGM 100, G.4).
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +23,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.campaign.variance import Nested, fit_nested
+from sautereau.analysis.campaign.variance import Components, Nested, fit_nested, shared_by
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.repeatability import Spread, student
 from sautereau.trajectory.motion import Floats
@@ -38,7 +42,9 @@ class Effect(Spread):
     """Level, or both levels of an interaction, with ` x ` between them."""
     std: float
     """Standard uncertainty."""
-    degrees: int
+    level_std: float
+    """The part of it by errors that presses of a level may share."""
+    degrees: float
     """Degrees of freedom of the interval."""
 
 
@@ -96,6 +102,7 @@ def fit_effects(
     factors: Mapping[str, Sequence[str]],
     blocks: NDArray[np.intp],
     *,
+    stds: Floats | None = None,
     interaction: bool = False,
     order: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> FittedEffects:
@@ -105,6 +112,8 @@ def fit_effects(
         values: One for each press, in the quantity's unit, shape (n,); NaN for none.
         factors: Level of each press by factor, n each.
         blocks: Number of the block of each press, shape (n,).
+        stds: Standard uncertainty of each press by an error that all presses of a level may share,
+            shape (n,); 0 by default.
         interaction: Whether to estimate the interactions of every two factors.
         order: Levels in their order by factor; those of other factors are in that of `in_order`.
 
@@ -120,7 +129,9 @@ def fit_effects(
         )
     columns = _Columns.of(own, order, interaction)
     numbers = np.unique(blocks[known], return_inverse=True)[1]
-    fit = _Fit.of(values[known], columns, numbers)
+    fit = _Fit.of(
+        values[known], columns, numbers, np.zeros(len(known)) if stds is None else stds[known]
+    )
     found = [fit.effects_of(*own) for own in (*((f,) for f in columns.levels), *columns.pairs)]
     residuals = np.full(len(values), np.nan)
     residuals[known] = values[known] - columns.matrix @ fit.coefficients
@@ -201,6 +212,8 @@ class _Fit:
     columns: _Columns
     coefficients: Floats
     covariance: Floats
+    components: Components
+    stds: Floats  # Of each press, by an error that those of a level may share
     between: NDArray[np.bool_]  # Which columns are constant within all blocks
     degrees: tuple[int, int]  # Degrees of freedom of the presses and of the blocks
     press_std: float
@@ -208,7 +221,9 @@ class _Fit:
     reason: str
 
     @classmethod
-    def of(cls, values: Floats, columns: _Columns, blocks: NDArray[np.intp]) -> "_Fit":
+    def of(
+        cls, values: Floats, columns: _Columns, blocks: NDArray[np.intp], stds: Floats
+    ) -> "_Fit":
         x, n = columns.matrix, len(values)
         if n and np.linalg.matrix_rank(x, ROUNDING * n) < x.shape[1]:
             raise AnalysisError(
@@ -256,23 +271,39 @@ class _Fit:
         coefficients = found.coefficients * scale
         coefficients[0] += values.mean()
         return cls(
-            columns, coefficients, found.covariance * scale**2, between, degrees,
+            columns, coefficients, found.covariance * scale**2, found, stds, between, degrees,
             press * scale, block * scale if known else None, reason,
         )  # fmt: skip
 
-    def spread(self, combination: Floats) -> tuple[tuple[float, float, float], float, int]:
-        """Return value and interval of a combination of coefficients, its std and degrees."""
-        value = float(combination @ self.coefficients)
-        std = float(np.sqrt(combination @ self.covariance @ combination))
-        degrees = self.degrees[bool((combination[self.between] != 0).any())]
-        reach = student(degrees) * std
-        return (value, value - reach, value + reach), std, degrees
+    def spreads(
+        self, rows: Floats, *factors: str
+    ) -> tuple[list[tuple[float, float, float]], Floats, Floats, list[float]]:
+        """Return values and intervals of combinations of coefficients, and their uncertainty.
+
+        Args:
+            rows: Shape (combinations, coefficients).
+            factors: Presses of equal levels of these may share an error.
+
+        Returns:
+            Values with intervals; covariance with that error, and its part, both of shape
+            (combinations, combinations); degrees of freedom.
+        """
+        levels = list(zip(*(self.columns.factors[f] for f in factors), strict=True))
+        errors = rows @ shared_by(self.components, self.stds, levels).T
+        scatter, shared = rows @ self.covariance @ rows.T, errors @ errors.T
+        total, ends, degrees = scatter + shared, [], []
+        for row, own, of_presses in zip(rows, np.diag(total), np.diag(scatter), strict=True):
+            free = self.degrees[bool((row[self.between] != 0).any())]
+            degrees.append(free * float(own / of_presses) ** 2)
+            value, reach = float(row @ self.coefficients), student(degrees[-1]) * float(own) ** 0.5
+            ends.append((value, value - reach, value + reach))
+        return ends, total, shared, degrees
 
     def effects_of(self, *factors: str) -> FactorEffects:
         """Return the differences from the first level of a factor, or of two their differences."""
         from scipy.stats import f
 
-        columns, effects, found = self.columns, [], []
+        columns, found, cells = self.columns, [], []
         levels = [columns.levels[factor] for factor in factors]
         for cell in product(*(own[1:] for own in levels)):
             row = np.zeros(len(self.coefficients))
@@ -281,20 +312,24 @@ class _Fit:
                 at = {name: level if own else every[0] for name, own, level, every in chosen}
                 row += (-1) ** taken.count(False) * columns.mean(at)
             row[np.abs(row) < ROUNDING] = 0.0
-            ends, std, degrees = self.spread(row)
-            effects.append(Effect(*ends, " x ".join(factors), " x ".join(cell), std, degrees))
+            cells.append(" x ".join(cell))
             found.append(row)
-        rows = np.array(found)
-        b, covariance = rows @ self.coefficients, rows @ self.covariance @ rows.T
-        wald = b @ np.linalg.solve(covariance, b) / len(rows)
-        p_value = float(f.sf(wald, len(rows), effects[0].degrees))
-        means = [
-            LevelMean(
-                *self.spread(columns.mean({factors[0]: level}))[0],
-                level,
-                list(columns.factors[factors[0]]).count(level),
-            )
-            for level in levels[0]
-            if len(factors) == 1
+        rows, name = np.array(found), " x ".join(factors)
+        ends, covariance, shared, degrees = self.spreads(rows, *factors)
+        stds = np.sqrt([np.diag(covariance), np.diag(shared)]).T.tolist()
+        effects = [
+            Effect(*own, name, cell, *std, free)
+            for own, cell, std, free in zip(ends, cells, stds, degrees, strict=True)
         ]
+        b = rows @ self.coefficients
+        wald = b @ np.linalg.solve(covariance, b) / len(rows)
+        p_value = float(f.sf(wald, len(rows), min(degrees)))
+        means: list[LevelMean] = []
+        if len(factors) == 1:
+            of_levels = np.array([columns.mean({name: level}) for level in levels[0]])
+            counts = Counter(columns.factors[name])
+            means += [
+                LevelMean(*own, level, counts[level])
+                for own, level in zip(self.spreads(of_levels, name)[0], levels[0], strict=True)
+            ]
         return FactorEffects(factors, tuple(means), tuple(effects), p_value)

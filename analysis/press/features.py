@@ -12,6 +12,7 @@ import numpy as np
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.phases.found import FINGERTIP
 from sautereau.analysis.press.string_start import OF_START, measured_start
 from sautereau.rig.quantities import QUANTITIES, Quantity
 from sautereau.rig.schema import Rig
@@ -185,6 +186,18 @@ def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
         mean = sum(force for force in ends if isinstance(force, float)) / 2
         parts = [*parts, abs(unseen * value / mean)] if mean else parts  # Times the travel
     return math.hypot(*parts) if parts else None
+
+
+def level_std(row: Row, name: str) -> float:
+    """Return the part of `std_of` that does not cancel in a difference between conditions.
+
+    It is that of the fit, which may be wrong alike in all presses of a condition and otherwise in
+    another. Gains, friction of the fingertip, and what AC coupling hides are the same in both.
+    """
+    std = std_of(row | {"unseen_force": None}, name, {}) or 0.0
+    drop = row.get(name) if split_column(name)[0] == "force_drop" else None
+    same = FINGERTIP * drop if isinstance(drop, float) else 0.0
+    return math.sqrt(max(0.0, std**2 - same**2))
 
 
 def work_along(travel: Floats, force: Floats) -> float:

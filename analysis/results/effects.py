@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects, fit_effects, in_order
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.palette import BEFORE, DASHES, GRID, MARKERS, MEASURED, SERIES
-from sautereau.analysis.press.features import by_string, quantity_of, split_column, title_of
+from sautereau.analysis.press.features import (
+    by_string,
+    level_std,
+    quantity_of,
+    split_column,
+    title_of,
+)
 from sautereau.analysis.results.result import Result, drawing, frame_of, json_of, shown
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing, what_is_alike
@@ -163,7 +169,12 @@ def effects_of(
         values[name] = np.array([v if isinstance(v, float | int) else np.nan for v in own], float)
         try:
             fitted[name] = fit_effects(
-                values[name], factors, blocks, interaction=interaction, order=order
+                values[name],
+                factors,
+                blocks,
+                stds=np.array([level_std(row, name) for row in rows]),
+                interaction=interaction,
+                order=order,
             )
         except AnalysisError as error:
             faults.append(f"{name}: {str(error).removeprefix('effects: ')}")
