@@ -13,7 +13,6 @@ level to level: its variance is added, and the degrees of freedom are those of W
 Satterthwaite (JCGM 100, G.4).
 """
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.campaign.variance import Components, Nested, fit_nested, shared_by
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.session.repeatability import Spread, student
+from sautereau.analysis.session.repeatability import Spread, interval_of
 from sautereau.trajectory.motion import Floats
 
 ROUNDING = 1e-9  # Spread over magnitude that is attributed to rounding; relative tolerance of ranks
@@ -275,29 +274,25 @@ class _Fit:
             press * scale, block * scale if known else None, reason,
         )  # fmt: skip
 
-    def spreads(
-        self, rows: Floats, *factors: str
-    ) -> tuple[list[tuple[float, float, float]], Floats, Floats, list[float]]:
-        """Return values and intervals of combinations of coefficients, and their uncertainty.
+    def errors(self, rows: Floats, *factors: str) -> Floats:
+        """Return the errors of combinations by those that presses of equal levels may share.
 
         Args:
-            rows: Shape (combinations, coefficients).
-            factors: Presses of equal levels of these may share an error.
+            rows: Combinations of coefficients, shape (combinations, coefficients).
 
         Returns:
-            Values with intervals; covariance with that error, and its part, both of shape
-            (combinations, combinations); degrees of freedom.
+            Standard uncertainties, with signs, shape (combinations, levels).
         """
         levels = list(zip(*(self.columns.factors[f] for f in factors), strict=True))
-        errors = rows @ shared_by(self.components, self.stds, levels).T
-        scatter, shared = rows @ self.covariance @ rows.T, errors @ errors.T
-        total, ends, degrees = scatter + shared, [], []
-        for row, own, of_presses in zip(rows, np.diag(total), np.diag(scatter), strict=True):
-            free = self.degrees[bool((row[self.between] != 0).any())]
-            degrees.append(free * float(own / of_presses) ** 2)
-            value, reach = float(row @ self.coefficients), student(degrees[-1]) * float(own) ** 0.5
-            ends.append((value, value - reach, value + reach))
-        return ends, total, shared, degrees
+        return rows @ shared_by(self.components, self.stds, levels).T
+
+    def spread(
+        self, row: Floats, errors: Floats
+    ) -> tuple[tuple[float, float, float], float, float]:
+        """Return value and interval of a combination of coefficients, its std and degrees."""
+        variance = float(row @ self.covariance @ row)
+        degrees = self.degrees[bool((row[self.between] != 0).any())]
+        return interval_of(float(row @ self.coefficients), variance, errors, degrees)
 
     def effects_of(self, *factors: str) -> FactorEffects:
         """Return the differences from the first level of a factor, or of two their differences."""
@@ -315,21 +310,16 @@ class _Fit:
             cells.append(" x ".join(cell))
             found.append(row)
         rows, name = np.array(found), " x ".join(factors)
-        ends, covariance, shared, degrees = self.spreads(rows, *factors)
-        stds = np.sqrt([np.diag(covariance), np.diag(shared)]).T.tolist()
-        effects = [
-            Effect(*own, name, cell, *std, free)
-            for own, cell, std, free in zip(ends, cells, stds, degrees, strict=True)
-        ]
-        b = rows @ self.coefficients
-        wald = b @ np.linalg.solve(covariance, b) / len(rows)
-        p_value = float(f.sf(wald, len(rows), min(degrees)))
-        means: list[LevelMean] = []
-        if len(factors) == 1:
-            of_levels = np.array([columns.mean({name: level}) for level in levels[0]])
-            counts = Counter(columns.factors[name])
-            means += [
-                LevelMean(*own, level, counts[level])
-                for own, level in zip(self.spreads(of_levels, name)[0], levels[0], strict=True)
-            ]
+        errors, effects = self.errors(rows, *factors), []
+        for cell, row, own in zip(cells, rows, errors, strict=True):
+            ends, std, degrees = self.spread(row, own)
+            effects.append(Effect(*ends, name, cell, std, float(np.linalg.norm(own)), degrees))
+        b, covariance = rows @ self.coefficients, rows @ self.covariance @ rows.T
+        wald = b @ np.linalg.solve(covariance + errors @ errors.T, b) / len(rows)
+        p_value = float(f.sf(wald, len(rows), min(effect.degrees for effect in effects)))
+        means = []
+        for level in levels[0] if len(factors) == 1 else ():
+            row = columns.mean({name: level})
+            (ends, *_), count = self.spread(row, self.errors(row, name)), columns.factors[name]
+            means.append(LevelMean(*ends, level, list(count).count(level)))
         return FactorEffects(factors, tuple(means), tuple(effects), p_value)

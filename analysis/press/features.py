@@ -88,6 +88,12 @@ GAINED = {
         *("contact_rise", "release_rise", "held_deflection", "full_rise", "end_rise"),
     ),
 }
+HELD = "contact", "release"
+AT = {
+    **{f"{end}_{what}": (end,) for end in HELD for what in ("rise", "force")},
+    **dict.fromkeys(("pluck_duration", "held_deflection", "held_work"), HELD),
+}
+"""Instants at which, or between which, columns of a pluck are measured."""
 FROM_REST = (
     "release force and work: of an AC-coupled sensor counted from that at rest, and predictions are"
     " not; the force drop does not depend on it"
@@ -163,19 +169,25 @@ def gain_stds(rig: Rig) -> dict[str, float]:
 def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     """Return the standard uncertainty of a column of one press, in its unit; None if unknown.
 
-    It is the fit's for instants, the pluck duration, force drop and slope, and the calibration's
+    It is the fit's for instants, what depends on them, force drop and slope, and the calibration's
     for columns that are proportional to a signal, with what AC coupling hides of a force; the noise
-    that remains in the others of those shows in repeated presses.
+    that remains in these shows in repeated presses.
 
     Args:
         row: Of `features`.
         gains: Relative standard uncertainties of the press, of `gain_stds`.
     """
     (feature, pluck), value = split_column(name), row.get(name)
-    ends = ("contact", "release") if feature == "pluck_duration" else (feature,)
+    ends = AT.get(feature, (feature,))
     known = (row.get(column(f"{end}_std", pluck)) for end in ends)
     stds = [std for std in known if isinstance(std, float)]
     parts = stds if len(stds) == len(ends) else []
+    if feature in AT:  # times the rate at which it changes while the string is held
+        of = [feature] if ends == HELD else [feature.replace(ends[0], end) for end in HELD]
+        first, last = (0.0, *(row.get(column(one, pluck)) for one in of))[-2:]
+        duration = row.get(column("pluck_duration", pluck))
+        all_known = isinstance(first, float) and isinstance(last, float) and duration
+        parts = [std * abs((last - first) / duration) for std in parts] if all_known else []
     if isinstance(value, float) and feature in gains:
         parts = [*parts, abs(value) * gains[feature]]
     unseen = row.get("unseen_force")

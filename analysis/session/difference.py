@@ -9,7 +9,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis, differing, label_of
 from sautereau.analysis.session.pooled import PooledFeature
-from sautereau.analysis.session.repeatability import student
+from sautereau.analysis.session.repeatability import interval_of
 
 
 @dataclass(frozen=True)
@@ -108,11 +108,9 @@ def difference(first: PooledFeature, second: PooledFeature) -> Difference:
     value, low, high = first.measured.value - second.measured.value, None, None
     if min(first.presses, second.presses) > 1:
         variances = [float(np.var(one.values, ddof=1)) / one.presses for one in (first, second)]
-        free, reach = [one.presses - 1 for one in (first, second)], 0.0
-        total = sum(variances) + first.level_std**2 + second.level_std**2
-        if total > 0:
-            scatter = sum(v**2 / n for v, n in zip(variances, free, strict=True))
-            freedom = total**2 / max(scatter, 1e-12 * total**2)
-            reach = float(student(freedom) * np.sqrt(total))
-        low, high = value - reach, value + reach
+        free = [one.presses - 1 for one in (first, second)]
+        scatter = sum(v**2 / n for v, n in zip(variances, free, strict=True))
+        freedom = sum(variances) ** 2 / scatter if scatter else min(free)
+        shared = np.array([first.level_std, second.level_std])
+        (_, low, high), *_ = interval_of(value, sum(variances), shared, freedom)
     return Difference(first.name, first.unit, first, second, value, low, high)
