@@ -21,7 +21,7 @@ from sautereau.analysis.results.result import Result, drawing, frame_of, json_of
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing, what_is_alike
 from sautereau.analysis.session.repeatability import interval
-from sautereau.analysis.text import SOME_SIMULATED, counted, rounded, table
+from sautereau.analysis.text import OF_DIFFERENCES, SOME_SIMULATED, counted, rounded, table
 from sautereau.rig.faults import fault_list
 from sautereau.trajectory.motion import Floats
 
@@ -76,7 +76,7 @@ class Effects(Result):
         lines = [SOME_SIMULATED] * self.simulated
         lines.append(
             f"{counted(len(self.blocks), 'press')},"
-            f" {counted(len(set(self.blocks.tolist())), 'block')}; 95 % intervals in brackets"
+            f" {counted(len(set(self.blocks.tolist())), 'block')}; in brackets {OF_DIFFERENCES}"
         )
         for name, fit in self.fitted.items():
             lines += _fitted_lines(name, fit)
@@ -130,7 +130,7 @@ class Effects(Result):
                 axes.set_axis_off()
             panels[number, 0].set_ylabel(title_of(name).replace(" (", "\n("))
         title = "SIMULATED: " * self.simulated + repr(self).strip("<>")
-        figure.suptitle(f"{title}; bars: 95 % intervals", fontsize=10)
+        figure.suptitle(f"{title}; bars: {OF_DIFFERENCES}", fontsize=10)
         return shown(figure)
 
 
