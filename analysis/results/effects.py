@@ -74,10 +74,11 @@ class Effects(Result):
     def lines(self) -> list[str]:
         """Return a table of means and differences for each quantity."""
         lines = [SOME_SIMULATED] * self.simulated
-        lines.append(
+        lines += [
             f"{counted(len(self.blocks), 'press')},"
-            f" {counted(len(set(self.blocks.tolist())), 'block')}; in brackets {OF_DIFFERENCES}"
-        )
+            f" {counted(len(set(self.blocks.tolist())), 'block')}",
+            f"in brackets {OF_DIFFERENCES}",
+        ]
         for name, fit in self.fitted.items():
             lines += _fitted_lines(name, fit)
         reasons = [(name, f.reason) for name, f in self.fitted.items() if f.reason]
@@ -130,7 +131,7 @@ class Effects(Result):
                 axes.set_axis_off()
             panels[number, 0].set_ylabel(title_of(name).replace(" (", "\n("))
         title = "SIMULATED: " * self.simulated + repr(self).strip("<>")
-        figure.suptitle(f"{title}; bars: {OF_DIFFERENCES}", fontsize=10)
+        figure.suptitle(f"{title}\nbars: {OF_DIFFERENCES}", fontsize=10)
         return shown(figure)
 
 

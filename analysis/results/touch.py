@@ -55,8 +55,9 @@ class JudgedTouch(Result):
             lines.append(SOME_SIMULATED)
         lines.append(
             f"{counted(found.presses, 'press')}, {counted(found.sessions, 'session')},"
-            f" {counted(len(found.plectra), 'plectrum')}; in brackets {OF_DIFFERENCES}"
+            f" {counted(len(found.plectra), 'plectrum')}"
         )
+        lines.append(f"in brackets {OF_DIFFERENCES}")
         for name, felt in found.felt.items():
             quantity = QUANTITIES[name]
             scale, _ = quantity.displayed

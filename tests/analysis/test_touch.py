@@ -211,6 +211,24 @@ def test_jack_speed_is_a_regressor():
         assert felt.press.high < 0.02
 
 
+def test_an_error_of_the_fit_that_changes_with_the_speed_is_no_exponent_of_it():
+    """Slopes 3 % too low at one speed and 4 % too high at another, as their uncertainty allows."""
+    rows, ends = rows_of(6, 2, 6, stds=(0.002, 0.0, 0.02)), []
+    for i, row in enumerate(rows):
+        row["jack_speed"] = 0.05 * (1 + i % 3)
+        row["force_slope"] *= (0.97, 1.0, 1.04)[i % 3]
+    for std in (0.0, 0.03):
+        own = [row | {"force_slope_std": std * row["force_slope"]} for row in rows]
+        found = find_touch(campaign_of(own))
+        ends.append(found.felt["force_slope"].exponents["jack_speed"])
+        for plectrum in found.plectra:
+            slope = plectrum.felt["force_slope"]
+            assert np.log(slope.high / slope.low) > 2 * 1.959 * std
+    assert ends[0].low > 0
+    assert ends[1].low < 0 < ends[1].high
+    assert ends[1].value == ends[0].value
+
+
 def test_too_few_presses_are_refused():
     rows = rows_of(3, 1, 1)
     with pytest.raises(AnalysisError, match="press each plectrum several times"):
