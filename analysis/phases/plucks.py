@@ -97,9 +97,9 @@ def _at_rest(signals: Signals, first: int, last: int) -> Rows:
     rest = rows_of(signals, first, last, size := max(1, (last - first) // 40))
     if not len(rest.time):
         return rest
-    level = np.median(rest.load[: len(rest.load) // 2])
-    hum = 3 * np.hypot(signals.settings.hum_std, np.sqrt(rest.variance))
-    taken = np.flatnonzero(np.abs(rest.load - level) > hum)
+    force = rest.load + rest.inertia
+    hum = 3 * math.hypot(signals.settings.hum_std, signals.force_noise / math.sqrt(size))
+    taken = np.flatnonzero(np.abs(force - np.median(force[: len(force) // 2])) > hum)
     return rows_of(signals, first, first + int(taken[0]) * size, size) if len(taken) else rest
 
 
