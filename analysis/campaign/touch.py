@@ -232,6 +232,12 @@ def _fit(
             f"omitted from this quantity alone: {sum(omitted.values())} presses, in which it is"
             " missing or not above 0; look at their recordings"
         )
+    of_fit = "release_std" if name == "release_force" else f"{name}_std"
+    if of_fit not in presses or presses[of_fit].isna().any():
+        notes.append(
+            f"presses without {of_fit}, whose instants were set by hand or whose table is of an"
+            " earlier version, have no error of the fit: intervals may be too narrow"
+        )
     regressors = np.column_stack([np.ones(len(presses)), *conditions.values()])
     values = np.log(presses[name].to_numpy(float))
     each = presses.to_dict("records")

@@ -21,6 +21,7 @@ ROW = {
     "plectrum_length": 4.5e-3, "plectrum_width": 0.75e-3, "plectrum_youngs_modulus": 2.9e9,
     "plectrum_friction": 0.0, "string_stiffness": 810.0, "string_clearance": 2e-3,
     "jack_speed": 0.072, "plucks": 1, "size": 1, "mtime": 1,
+    "release_std": 0.0, "force_slope_std": 0.0, "force_drop_std": 0.0,
 }  # fmt: skip
 
 
@@ -227,6 +228,8 @@ def test_an_error_of_the_fit_that_changes_with_the_speed_is_no_exponent_of_it():
     assert ends[0].low > 0
     assert ends[1].low < 0 < ends[1].high
     assert ends[1].value == ends[0].value
+    unknown = find_touch(campaign_of([row | {"force_slope_std": None} for row in rows]))
+    assert any("without force_slope_std" in note for note in unknown.notes)
 
 
 def test_too_few_presses_are_refused():
