@@ -17,6 +17,8 @@ IN_RIG = DISPLAYED | {
 }  # Factor and unit in which rig files state a quantity, by its SI unit
 SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 """First line of the text on presses of which any was made on a stand-in."""
+OF_DIFFERENCES = "95 % intervals of presses and fit (gains cancel)"
+"""What text and plots say of intervals that differences have."""
 WIDTH = 80  # Columns of the narrowest usual terminal, to which texts are wrapped
 EMPTY = 12  # Fewest spaces at the start of a line that are an empty first column of a table
 NAMED = 3  # Largest number of names that are listed before a text that applies to all of them

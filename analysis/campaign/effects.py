@@ -7,7 +7,10 @@ deviations of blocks and presses are independent and normal. The model is estima
 maximum likelihood, and by least squares where a deviation of the blocks is not identifiable or
 estimated as zero. A mean of a level is that over all levels of the others with
 equal weights. Intervals are Student's; their degrees of freedom are those of the blocks for a
-comparison between blocks, and those of the presses for one within blocks (containment).
+comparison between blocks, and those of the presses for one within blocks (containment). An error of
+its fit, of known standard uncertainty, may be common to all presses of a level, and differ from
+level to level: its variance is added, and the degrees of freedom are those of Welch and
+Satterthwaite (JCGM 100, G.4).
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,9 +22,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from sautereau.analysis.campaign.variance import Nested, fit_nested
+from sautereau.analysis.campaign.variance import Components, Nested, fit_nested, shared_by
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.session.repeatability import Spread, student
+from sautereau.analysis.session.repeatability import Spread, interval_of
 from sautereau.trajectory.motion import Floats
 
 ROUNDING = 1e-9  # Spread over magnitude that is attributed to rounding; relative tolerance of ranks
@@ -38,7 +41,9 @@ class Effect(Spread):
     """Level, or both levels of an interaction, with ` x ` between them."""
     std: float
     """Standard uncertainty."""
-    degrees: int
+    level_std: float
+    """The part of it by errors that presses of a level may share."""
+    degrees: float
     """Degrees of freedom of the interval."""
 
 
@@ -96,6 +101,7 @@ def fit_effects(
     factors: Mapping[str, Sequence[str]],
     blocks: NDArray[np.intp],
     *,
+    stds: Floats | None = None,
     interaction: bool = False,
     order: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> FittedEffects:
@@ -105,6 +111,8 @@ def fit_effects(
         values: One for each press, in the quantity's unit, shape (n,); NaN for none.
         factors: Level of each press by factor, n each.
         blocks: Number of the block of each press, shape (n,).
+        stds: Standard uncertainty of each press by an error that all presses of a level may share,
+            shape (n,); 0 by default.
         interaction: Whether to estimate the interactions of every two factors.
         order: Levels in their order by factor; those of other factors are in that of `in_order`.
 
@@ -120,7 +128,9 @@ def fit_effects(
         )
     columns = _Columns.of(own, order, interaction)
     numbers = np.unique(blocks[known], return_inverse=True)[1]
-    fit = _Fit.of(values[known], columns, numbers)
+    fit = _Fit.of(
+        values[known], columns, numbers, np.zeros(len(known)) if stds is None else stds[known]
+    )
     found = [fit.effects_of(*own) for own in (*((f,) for f in columns.levels), *columns.pairs)]
     residuals = np.full(len(values), np.nan)
     residuals[known] = values[known] - columns.matrix @ fit.coefficients
@@ -201,6 +211,8 @@ class _Fit:
     columns: _Columns
     coefficients: Floats
     covariance: Floats
+    components: Components
+    stds: Floats  # Of each press, by an error that those of a level may share
     between: NDArray[np.bool_]  # Which columns are constant within all blocks
     degrees: tuple[int, int]  # Degrees of freedom of the presses and of the blocks
     press_std: float
@@ -208,7 +220,9 @@ class _Fit:
     reason: str
 
     @classmethod
-    def of(cls, values: Floats, columns: _Columns, blocks: NDArray[np.intp]) -> "_Fit":
+    def of(
+        cls, values: Floats, columns: _Columns, blocks: NDArray[np.intp], stds: Floats
+    ) -> "_Fit":
         x, n = columns.matrix, len(values)
         if n and np.linalg.matrix_rank(x, ROUNDING * n) < x.shape[1]:
             raise AnalysisError(
@@ -256,23 +270,35 @@ class _Fit:
         coefficients = found.coefficients * scale
         coefficients[0] += values.mean()
         return cls(
-            columns, coefficients, found.covariance * scale**2, between, degrees,
+            columns, coefficients, found.covariance * scale**2, found, stds, between, degrees,
             press * scale, block * scale if known else None, reason,
         )  # fmt: skip
 
-    def spread(self, combination: Floats) -> tuple[tuple[float, float, float], float, int]:
+    def errors(self, rows: Floats, *factors: str) -> Floats:
+        """Return the errors of combinations by those that presses of equal levels may share.
+
+        Args:
+            rows: Combinations of coefficients, shape (combinations, coefficients).
+
+        Returns:
+            Standard uncertainties, with signs, shape (combinations, levels).
+        """
+        levels = list(zip(*(self.columns.factors[f] for f in factors), strict=True))
+        return rows @ shared_by(self.components, self.stds, levels).T
+
+    def spread(
+        self, row: Floats, errors: Floats
+    ) -> tuple[tuple[float, float, float], float, float]:
         """Return value and interval of a combination of coefficients, its std and degrees."""
-        value = float(combination @ self.coefficients)
-        std = float(np.sqrt(combination @ self.covariance @ combination))
-        degrees = self.degrees[bool((combination[self.between] != 0).any())]
-        reach = student(degrees) * std
-        return (value, value - reach, value + reach), std, degrees
+        variance = float(row @ self.covariance @ row)
+        degrees = self.degrees[bool((row[self.between] != 0).any())]
+        return interval_of(float(row @ self.coefficients), variance, errors, degrees)
 
     def effects_of(self, *factors: str) -> FactorEffects:
         """Return the differences from the first level of a factor, or of two their differences."""
         from scipy.stats import f
 
-        columns, effects, found = self.columns, [], []
+        columns, found, cells = self.columns, [], []
         levels = [columns.levels[factor] for factor in factors]
         for cell in product(*(own[1:] for own in levels)):
             row = np.zeros(len(self.coefficients))
@@ -281,20 +307,19 @@ class _Fit:
                 at = {name: level if own else every[0] for name, own, level, every in chosen}
                 row += (-1) ** taken.count(False) * columns.mean(at)
             row[np.abs(row) < ROUNDING] = 0.0
-            ends, std, degrees = self.spread(row)
-            effects.append(Effect(*ends, " x ".join(factors), " x ".join(cell), std, degrees))
+            cells.append(" x ".join(cell))
             found.append(row)
-        rows = np.array(found)
+        rows, name = np.array(found), " x ".join(factors)
+        errors, effects = self.errors(rows, *factors), []
+        for cell, row, own in zip(cells, rows, errors, strict=True):
+            ends, std, degrees = self.spread(row, own)
+            effects.append(Effect(*ends, name, cell, std, float(np.linalg.norm(own)), degrees))
         b, covariance = rows @ self.coefficients, rows @ self.covariance @ rows.T
-        wald = b @ np.linalg.solve(covariance, b) / len(rows)
-        p_value = float(f.sf(wald, len(rows), effects[0].degrees))
-        means = [
-            LevelMean(
-                *self.spread(columns.mean({factors[0]: level}))[0],
-                level,
-                list(columns.factors[factors[0]]).count(level),
-            )
-            for level in levels[0]
-            if len(factors) == 1
-        ]
+        wald = b @ np.linalg.solve(covariance + errors @ errors.T, b) / len(rows)
+        p_value = float(f.sf(wald, len(rows), min(effect.degrees for effect in effects)))
+        means = []
+        for level in levels[0] if len(factors) == 1 else ():
+            row = columns.mean({name: level})
+            (ends, *_), count = self.spread(row, self.errors(row, name)), columns.factors[name]
+            means.append(LevelMean(*ends, level, list(count).count(level)))
         return FactorEffects(factors, tuple(means), tuple(effects), p_value)

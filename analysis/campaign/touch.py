@@ -28,10 +28,10 @@ from sautereau.analysis.campaign.shape import (
     not_identifiable,
 )
 from sautereau.analysis.campaign.table import Campaign
-from sautereau.analysis.campaign.variance import Components, Nested, fit_nested
+from sautereau.analysis.campaign.variance import Components, Nested, fit_nested, shared_by
 from sautereau.analysis.errors import AnalysisError
-from sautereau.analysis.press.features import FROM_REST
-from sautereau.analysis.session.repeatability import Spread, student
+from sautereau.analysis.press.features import FROM_REST, level_std
+from sautereau.analysis.session.repeatability import Spread, interval_of
 from sautereau.rig.faults import fault_list
 from sautereau.trajectory.motion import Floats
 
@@ -69,9 +69,9 @@ class Exponent(Spread):
 
     std: float
     """Standard uncertainty."""
-    degrees: int
+    degrees: float
     """Degrees of freedom of the interval: of presses, sessions or plectra, wherever the other
-    quantity varies (containment)."""
+    quantity varies (containment); with errors of the fit by Welch and Satterthwaite."""
 
 
 @dataclass(frozen=True)
@@ -232,8 +232,16 @@ def _fit(
             f"omitted from this quantity alone: {sum(omitted.values())} presses, in which it is"
             " missing or not above 0; look at their recordings"
         )
+    of_fit = "release_std" if name == "release_force" else f"{name}_std"
+    if of_fit not in presses or presses[of_fit].isna().any():
+        notes.append(
+            f"presses without {of_fit}, whose instants were set by hand or whose table is of an"
+            " earlier version, have no error of the fit: intervals may be too narrow"
+        )
     regressors = np.column_stack([np.ones(len(presses)), *conditions.values()])
     values = np.log(presses[name].to_numpy(float))
+    each = presses.to_dict("records")
+    stds = np.nan_to_num([level_std(row, name) for row in each]) / presses[name].to_numpy(float)
     data = Nested(values - values.mean(), regressors, groups, subgroups)
     found = fit_nested(data, subgroups=by_session, groups=plectra > 1)
     names = sorted(presses["plectrum"].unique())  # in the order of the groups' numbers
@@ -241,13 +249,13 @@ def _fit(
     if "jack_speed" in conditions:  # the others belong to a plectrum's string
         place = 1 + list(conditions).index("jack_speed")
         at_mean = values - found.coefficients[place] * regressors[:, place]
-    spreads = _means(at_mean, found, groups, subgroups)
+    spreads = _means(at_mean, stds, found, groups, subgroups)
     parts = found.residual, found.subgroup, found.group
     shaped = found
     if shape:
         columns = np.column_stack([regressors, *shape.values()])
         shaped = fit_nested(replace(data, columns=columns), subgroups=by_session, groups=True)
-    exponents = {} if selective else _exponents(shaped, conditions | shape)
+    exponents = {} if selective else _exponents(shaped, conditions | shape, stds)
     unexplained = shaped.group if shape else None
     count = len(set(presses["path"]))
     felt = Felt(count, sum(omitted.values()), *parts, unexplained, exponents)
@@ -278,29 +286,39 @@ def _stratum(column: Floats, groups: NDArray[np.intp], subgroups: NDArray[np.int
     return PLECTRA
 
 
-def _exponents(fitted: Components, columns: dict[str, Floats]) -> dict[str, Exponent]:
-    """Return the exponents of regressors, which stand in the fit behind its column of ones."""
+def _exponents(fitted: Components, columns: dict[str, Floats], stds: Floats) -> dict[str, Exponent]:
+    """Return the exponents of regressors, which stand in the fit behind its column of ones.
+
+    Args:
+        stds: Relative standard uncertainty of each press by an error that all presses at one value
+            of a regressor may share.
+    """
     groups, subgroups = fitted.data.groups, fitted.data.subgroups
     strata = [_stratum(column, groups, subgroups) for column in columns.values()]
     counts = [len(groups), int(subgroups.max()) + 1, int(groups.max()) + 1, 1]
-    values, stds = fitted.coefficients[1:], np.sqrt(np.diag(fitted.covariance))[1:]
     found = {}
-    for name, stratum, value, std in zip(columns, strata, values, stds, strict=True):
-        degrees = counts[stratum] - counts[stratum + 1] - strata.count(stratum)
-        if degrees > 0:
-            reach = student(degrees) * std
-            ends = float(value), float(value - reach), float(value + reach)
-            found[name] = Exponent(*ends, float(std), degrees)
+    for place, ((name, column), stratum) in enumerate(zip(columns.items(), strata, strict=True), 1):
+        free = counts[stratum] - counts[stratum + 1] - strata.count(stratum)
+        if free > 0:
+            shared = shared_by(fitted, stds, column.round(6).tolist())[:, place]
+            value, variance = fitted.coefficients[place], fitted.covariance[place, place]
+            ends, std, degrees = interval_of(float(value), float(variance), shared, free)
+            found[name] = Exponent(*ends, std, degrees)
     return found
 
 
 def _means(
-    values: Floats, found: Components, groups: NDArray[np.intp], subgroups: NDArray[np.intp]
+    values: Floats,
+    stds: Floats,
+    found: Components,
+    groups: NDArray[np.intp],
+    subgroups: NDArray[np.intp],
 ) -> list[Spread]:
     """Return the geometric mean of each group; its sessions are weighted by inverse variance.
 
     The interval is Student's, with the degrees of freedom of the spread that counts most: of the
-    sessions if they differ, otherwise of the presses.
+    sessions if they differ, otherwise of the presses; and with the mean of `stds`, the error that
+    all presses of a plectrum may share.
     """
     counts = np.bincount(subgroups)
     between = found.subgroup.value if found.subgroup else 0.0
@@ -311,9 +329,9 @@ def _means(
     total = np.bincount(parents, weights)
     centre = np.bincount(parents, weights * means) / total
     free = len(counts) - len(total) if between else len(values) - len(counts)
-    reach = student(free) / np.sqrt(total)
-    ends = np.exp([centre, centre - reach, centre + reach])
-    return [Spread(*map(float, column)) for column in ends.T]
+    shared = np.bincount(groups, stds) / np.bincount(groups)
+    each = zip(centre.tolist(), (1 / total).tolist(), shared, strict=True)
+    return [Spread(*np.exp(interval_of(*own, free)[0]).tolist()) for own in each]
 
 
 def _plectrum(own: "pd.DataFrame", means: dict[str, dict[str, Spread]]) -> Plectrum:

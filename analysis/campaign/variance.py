@@ -8,8 +8,8 @@ of sums over subgroups, so that the computing time depends on the number of subg
 that of values. docs/decisions/0007 compares `statsmodels`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -234,6 +234,22 @@ def fit_nested(data: Nested, *, subgroups: bool, groups: bool) -> Components:
     logs[0] = profiled(best[None])[1][0]
     logs[1 + free] = logs[0] + best
     return Components(data, np.array([True, subgroups, groups]), logs)
+
+
+def shared_by(found: Components, stds: Floats, levels: Sequence[Hashable]) -> Floats:
+    """Return the standard uncertainties of the coefficients by an error that presses share.
+
+    Args:
+        stds: Standard uncertainty of each value by it, in the values' unit, shape (n,).
+        levels: Values of equal levels have the same error, n of them.
+
+    Returns:
+        That of each level, signed as it changes the coefficients, shape (levels, k).
+    """
+    own = np.array([list(dict.fromkeys(levels)).index(level) for level in levels])
+    parts = [np.where(own == level, stds, 0.0) for level in range(own.max() + 1)]
+    each = [replace(found, data=replace(found.data, values=part)).coefficients for part in parts]
+    return np.array(each)  # as coefficients are linear in the values
 
 
 def _minimum(function: Callable[[Floats], Floats], middle: Floats) -> tuple[Floats, float]:

@@ -17,6 +17,9 @@ GOOD, RIGID = 4.0, 10.0
 """Variance of the residuals over the noise below which the fit of a rigid key is good, or fair."""
 PARTS = 16  # Of a held string, each as long as the strokes of a bouncing finger
 FAIR = 15e-3  # N, rms of the residuals below which the fit of a compliant key is fair
+FINGERTIP = 0.015
+"""Relative standard uncertainty of a force drop by friction of the fingertip, which has a moment
+about the pin."""
 FREE, RELEASED = "free", "string released"
 """Phases in which no string is held: before a contact, and after the last release."""
 
@@ -265,8 +268,7 @@ def measured(signals: Signals, contact: Contact, release: Release) -> HeldString
         before = float(force[min(side.start, len(force) - 1)])
     held = slice(first, last)
     slope, slope_std, rise = growth(time[held], signals.deflection[held], force[held])
-    # Of the fingertip on the key, which has a moment about the pin.
-    friction = 0.015 * release.fall
+    friction = FINGERTIP * release.fall
     return HeldString(
         contact=contact.time,
         release=release.time,

@@ -58,8 +58,8 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     )
     last = max(0, int(still[-1]) - margin) if len(still) else 0
     first = max(0, last - length)
-    rest = rows_of(signals, first, last, max(1, (last - first) // 40))
     before = _place(signals, min(begin, last + margin))
+    rest = _at_rest(signals, first, last)
     found = _rigid_plucks(strings, signals, rows, rest, begin, before)
     rigid = _explained(found, signals, strings, begin, end)
     clear = rigid is not None and all(
@@ -90,6 +90,17 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
         noise = (searched.residual / signals.settings.noise) ** 2
         return Found([], Fit("compliant", noise, *_of_key(searched)), growths)
     return Found([], Fit("rigid", left, 0.0, rms), growths or (missed,))
+
+
+def _at_rest(signals: Signals, first: int, last: int) -> Rows:
+    """Return the load of the key at rest, until the finger takes up its weight and dry friction."""
+    rest = rows_of(signals, first, last, size := max(1, (last - first) // 40))
+    if not len(rest.time):
+        return rest
+    force = rest.load + rest.inertia
+    hum = 3 * math.hypot(signals.settings.hum_std, signals.force_noise / math.sqrt(size))
+    taken = np.flatnonzero(np.abs(force - np.median(force[: len(force) // 2])) > hum)
+    return rows_of(signals, first, first + int(taken[0]) * size, size) if len(taken) else rest
 
 
 def _compliant(

@@ -12,6 +12,7 @@ import numpy as np
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.phases.found import FINGERTIP
 from sautereau.analysis.press.string_start import OF_START, measured_start
 from sautereau.rig.quantities import QUANTITIES, Quantity
 from sautereau.rig.schema import Rig
@@ -87,6 +88,12 @@ GAINED = {
         *("contact_rise", "release_rise", "held_deflection", "full_rise", "end_rise"),
     ),
 }
+HELD = "contact", "release"
+AT = {
+    **{f"{end}_{what}": (end,) for end in HELD for what in ("rise", "force")},
+    **dict.fromkeys(("pluck_duration", "held_deflection", "held_work"), HELD),
+}
+"""Instants at which, or between which, columns of a pluck are measured."""
 FROM_REST = (
     "release force and work: of an AC-coupled sensor counted from that at rest, and predictions are"
     " not; the force drop does not depend on it"
@@ -162,19 +169,25 @@ def gain_stds(rig: Rig) -> dict[str, float]:
 def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     """Return the standard uncertainty of a column of one press, in its unit; None if unknown.
 
-    It is the fit's for instants, the pluck duration, force drop and slope, and the calibration's
+    It is the fit's for instants, what depends on them, force drop and slope, and the calibration's
     for columns that are proportional to a signal, with what AC coupling hides of a force; the noise
-    that remains in the others of those shows in repeated presses.
+    that remains in these shows in repeated presses.
 
     Args:
         row: Of `features`.
         gains: Relative standard uncertainties of the press, of `gain_stds`.
     """
     (feature, pluck), value = split_column(name), row.get(name)
-    ends = ("contact", "release") if feature == "pluck_duration" else (feature,)
+    ends = AT.get(feature, (feature,))
     known = (row.get(column(f"{end}_std", pluck)) for end in ends)
     stds = [std for std in known if isinstance(std, float)]
     parts = stds if len(stds) == len(ends) else []
+    if feature in AT:  # times the rate at which it changes while the string is held
+        of = [feature] if ends == HELD else [feature.replace(ends[0], end) for end in HELD]
+        first, last = (0.0, *(row.get(column(one, pluck)) for one in of))[-2:]
+        duration = row.get(column("pluck_duration", pluck))
+        all_known = isinstance(first, float) and isinstance(last, float) and duration
+        parts = [std * abs((last - first) / duration) for std in parts] if all_known else []
     if isinstance(value, float) and feature in gains:
         parts = [*parts, abs(value) * gains[feature]]
     unseen = row.get("unseen_force")
@@ -185,6 +198,18 @@ def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
         mean = sum(force for force in ends if isinstance(force, float)) / 2
         parts = [*parts, abs(unseen * value / mean)] if mean else parts  # Times the travel
     return math.hypot(*parts) if parts else None
+
+
+def level_std(row: Row, name: str) -> float:
+    """Return the part of `std_of` that does not cancel in a difference between conditions.
+
+    It is that of the fit, which may be wrong alike in all presses of a condition and otherwise in
+    another. Gains, friction of the fingertip, and what AC coupling hides are the same in both.
+    """
+    std = std_of(row | {"unseen_force": None}, name, {}) or 0.0
+    drop = row.get(name) if split_column(name)[0] == "force_drop" else None
+    same = FINGERTIP * drop if isinstance(drop, float) else 0.0
+    return math.sqrt(max(0.0, std**2 - same**2))
 
 
 def work_along(travel: Floats, force: Floats) -> float:

@@ -1,5 +1,6 @@
 """The analysis of a session: comparison, repeatability, drift, differences from another session."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,14 @@ from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Difference, Pair
 from sautereau.analysis.session.pooled import DRIFTING, PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
-from sautereau.analysis.text import counted, percent, quantity_in_rig, remark_lines, table
+from sautereau.analysis.text import (
+    OF_DIFFERENCES,
+    counted,
+    percent,
+    quantity_in_rig,
+    remark_lines,
+    table,
+)
 from sautereau.rig.faults import unit_of
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
@@ -104,7 +112,7 @@ class Comparison(Result):
 
     @property
     def differences(self) -> "pd.DataFrame":
-        """Features of this set minus those of the other, with 95 % intervals (Welch)."""
+        """Features of this set minus those of the other, with 95 % intervals."""
         rows = [
             (number, one.name, one.first.measured.value, one.second.measured.value, one.value,
              one.low, one.high, one.significant)
@@ -237,6 +245,7 @@ def _pair_document(found: Pair) -> dict[str, Any]:
                 "second": one.second.measured.value,
                 "difference": one.value,
                 "ci95": _ends(one),
+                "level_std": math.hypot(one.first.level_std, one.second.level_std),
                 "significant": one.significant,
             }
             for one in found.differences
@@ -316,7 +325,7 @@ def pair_lines(found: Pair) -> list[str]:
         *table([("feature", "first", "second", "difference", "+- 95 %", ""), *rows], indent=2),
     ]
     if all(one.high is not None for one in found.differences):
-        return [*lines, "  95 % intervals: Welch's t; * significant: the interval excludes zero"]
+        return [*lines, f"  {OF_DIFFERENCES}", "  * significant: the interval excludes zero"]
     return [*lines, "  no 95 % intervals: at least one set has a single press"]
 
 

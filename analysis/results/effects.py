@@ -10,12 +10,18 @@ from numpy.typing import NDArray
 from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects, fit_effects, in_order
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.palette import BEFORE, DASHES, GRID, MARKERS, MEASURED, SERIES
-from sautereau.analysis.press.features import by_string, quantity_of, split_column, title_of
+from sautereau.analysis.press.features import (
+    by_string,
+    level_std,
+    quantity_of,
+    split_column,
+    title_of,
+)
 from sautereau.analysis.results.result import Result, drawing, frame_of, json_of, shown
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import differing, what_is_alike
 from sautereau.analysis.session.repeatability import interval
-from sautereau.analysis.text import SOME_SIMULATED, counted, rounded, table
+from sautereau.analysis.text import OF_DIFFERENCES, SOME_SIMULATED, counted, rounded, table
 from sautereau.rig.faults import fault_list
 from sautereau.trajectory.motion import Floats
 
@@ -68,10 +74,11 @@ class Effects(Result):
     def lines(self) -> list[str]:
         """Return a table of means and differences for each quantity."""
         lines = [SOME_SIMULATED] * self.simulated
-        lines.append(
+        lines += [
             f"{counted(len(self.blocks), 'press')},"
-            f" {counted(len(set(self.blocks.tolist())), 'block')}; 95 % intervals in brackets"
-        )
+            f" {counted(len(set(self.blocks.tolist())), 'block')}",
+            f"in brackets {OF_DIFFERENCES}",
+        ]
         for name, fit in self.fitted.items():
             lines += _fitted_lines(name, fit)
         reasons = [(name, f.reason) for name, f in self.fitted.items() if f.reason]
@@ -124,7 +131,7 @@ class Effects(Result):
                 axes.set_axis_off()
             panels[number, 0].set_ylabel(title_of(name).replace(" (", "\n("))
         title = "SIMULATED: " * self.simulated + repr(self).strip("<>")
-        figure.suptitle(f"{title}; bars: 95 % intervals", fontsize=10)
+        figure.suptitle(f"{title}\nbars: {OF_DIFFERENCES}", fontsize=10)
         return shown(figure)
 
 
@@ -163,7 +170,12 @@ def effects_of(
         values[name] = np.array([v if isinstance(v, float | int) else np.nan for v in own], float)
         try:
             fitted[name] = fit_effects(
-                values[name], factors, blocks, interaction=interaction, order=order
+                values[name],
+                factors,
+                blocks,
+                stds=np.array([level_std(row, name) for row in rows]),
+                interaction=interaction,
+                order=order,
             )
         except AnalysisError as error:
             faults.append(f"{name}: {str(error).removeprefix('effects: ')}")

@@ -11,7 +11,7 @@ from sautereau.analysis.campaign.touch import FELT, Felt, Touch
 from sautereau.analysis.figures.palette import GRID, MARKERS, SERIES
 from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.session.repeatability import Spread, interval
-from sautereau.analysis.text import SOME_SIMULATED, counted, table
+from sautereau.analysis.text import OF_DIFFERENCES, SOME_SIMULATED, counted, table
 from sautereau.rig.quantities import QUANTITIES
 
 if TYPE_CHECKING:
@@ -55,8 +55,9 @@ class JudgedTouch(Result):
             lines.append(SOME_SIMULATED)
         lines.append(
             f"{counted(found.presses, 'press')}, {counted(found.sessions, 'session')},"
-            f" {counted(len(found.plectra), 'plectrum')}; 95 % intervals in brackets"
+            f" {counted(len(found.plectra), 'plectrum')}"
         )
+        lines.append(f"in brackets {OF_DIFFERENCES}")
         for name, felt in found.felt.items():
             quantity = QUANTITIES[name]
             scale, _ = quantity.displayed
@@ -109,7 +110,7 @@ class JudgedTouch(Result):
             ("SIMULATED: " if found.simulated else "")
             + f"touch of {counted(len(found.plectra), 'plectrum')} in"
             f" {counted(found.sessions, 'session')}, {counted(found.presses, 'press')};"
-            " bars: 95 % intervals"
+            f" bars: {OF_DIFFERENCES}"
         )
         return shown(figure)
 

@@ -9,7 +9,7 @@ import numpy as np
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis, differing, label_of
 from sautereau.analysis.session.pooled import PooledFeature
-from sautereau.analysis.session.repeatability import student
+from sautereau.analysis.session.repeatability import interval_of
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Difference:
     value: float
     """First minus second."""
     low: float | None
-    """Lower end of the 95 % interval (Welch's t); None where a set has a single press."""
+    """Lower end of the 95 % interval; None where a set has a single press."""
     high: float | None
     """Upper end of the 95 % interval."""
 
@@ -102,15 +102,15 @@ def _pair(first: Condition, second: Condition, label: str = "") -> Pair:
 def difference(first: PooledFeature, second: PooledFeature) -> Difference:
     """Return the difference of a feature's means, with Welch's 95 % interval.
 
-    B. L. Welch, Biometrika 34 (1947): the variances of the two sets need not be equal.
+    B. L. Welch, Biometrika 34 (1947): the variances of the two sets need not be equal. Errors of
+    the fit that all presses of a set may share (`PooledFeature.level_std`) are added to them.
     """
     value, low, high = first.measured.value - second.measured.value, None, None
     if min(first.presses, second.presses) > 1:
         variances = [float(np.var(one.values, ddof=1)) / one.presses for one in (first, second)]
-        total, free = sum(variances), [one.presses - 1 for one in (first, second)]
-        reach = 0.0
-        if total > 0:
-            freedom = total**2 / sum(v**2 / n for v, n in zip(variances, free, strict=True))
-            reach = float(student(freedom) * np.sqrt(total))
-        low, high = value - reach, value + reach
+        free = [one.presses - 1 for one in (first, second)]
+        scatter = sum(v**2 / n for v, n in zip(variances, free, strict=True))
+        freedom = sum(variances) ** 2 / scatter if scatter else min(free)
+        shared = np.array([first.level_std, second.level_std])
+        (_, low, high), *_ = interval_of(value, sum(variances), shared, freedom)
     return Difference(first.name, first.unit, first, second, value, low, high)

@@ -11,6 +11,7 @@ from sautereau.analysis.press.features import (
     Row,
     by_string,
     column,
+    level_std,
     split_column,
     std_of,
 )
@@ -39,6 +40,8 @@ class PooledFeature:
     measured: Mean
     shared_std: float
     """Standard uncertainty of a single press by its sensors and its fit, in its unit."""
+    level_std: float
+    """The part of it that does not cancel in a difference between conditions."""
     std: float | None
     """Standard deviation of the presses; None for a single one."""
     drift: Trend | None
@@ -86,5 +89,8 @@ def pooled_features(
             std = float(np.std(values, ddof=1)) if len(values) > 1 else None
             drift = trend_of(np.array(values)) if len(values) >= LEAST else None
             model = predicted.get(name)
-            found.append(PooledFeature(name, unit, values, mean, shared, std, drift, model))
+            own = float(
+                np.mean([level_std(row, name) for row in rows if row.get(name) is not None])
+            )
+            found.append(PooledFeature(name, unit, values, mean, shared, own, std, drift, model))
     return tuple(found)

@@ -39,6 +39,22 @@ def student(degrees: float) -> float:
     return float(stdtrit(degrees, (1 + COVERAGE) / 2))
 
 
+def interval_of(
+    value: float, variance: float, shared: Floats | float, degrees: float
+) -> tuple[tuple[float, float, float], float, float]:
+    """Return a value with its interval, its standard uncertainty, and its degrees of freedom.
+
+    Args:
+        variance: By presses, which has these degrees.
+        shared: Standard uncertainties by other errors, which are known, shape (n,). The degrees are
+            then those of Welch and Satterthwaite (JCGM 100, G.4).
+    """
+    total = variance + float(np.sum(np.square(shared)))
+    degrees *= (total / max(variance, 1e-6 * total)) ** 2 if total else 1.0
+    reach = student(degrees) * total**0.5
+    return (value, value - reach, value + reach), total**0.5, degrees
+
+
 def interval(spread: Spread | None, scale: float = 1.0, digits: int = 4) -> str:
     """Return a figure with its interval: `0.34 (0.3 to 0.38)`; `-` for None."""
     if spread is None:

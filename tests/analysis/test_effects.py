@@ -1,5 +1,7 @@
 """Effects of factors: against closed forms, the own restricted likelihood, and known truth."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,11 +11,13 @@ from scipy.stats import binom, f_oneway, ttest_ind
 import sautereau as st
 from sautereau.analysis.campaign.effects import fit_effects, in_order
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.phases.expected import expected
 from sautereau.analysis.text import WIDTH, wrapped
 from sautereau.commands.app import app
 from sautereau.entrance.session import Session
 from sautereau.rig.load import load_rig, with_values
 from tests.budget import amount
+from tests.presses import QUICK
 
 RIG = load_rig()
 
@@ -122,6 +126,67 @@ def test_coverage_of_the_intervals():
     within, between = (np.mean(found[name]) for name in ("jack_speed", "overlap"))
     assert 0.93 < within < 0.97
     assert 0.93 < between < 0.995
+
+
+def test_the_speed_of_the_jack_has_no_effect_on_a_force_drop(tmp_path):
+    """A finger that takes up the weight of a key before it moves; the true effect is 0."""
+    slow = RIG.press.model_copy(update={"run_up_acceleration": None, "run_up_jerk": None})
+    values = QUICK | {"plectrum.thickness": "0.52 mm"}
+    rig = with_values(RIG.model_copy(update={"press": slow}), values)
+    design = st.design({"press.jack_speed": ["0.05 m/s", "0.09 m/s"]}, 2, seed=2)
+    with st.stand_in(rig, seed=5) as bench:
+        found = bench.press(design, out=tmp_path, warm_up=0).effects(["force_drop"])
+    truth = expected(rig).forces[0]
+    assert found.values["force_drop"] == pytest.approx(np.full(4, truth), rel=0.015)
+    ((effect,),) = (factor.effects for factor in found.fitted["force_drop"].factors)
+    assert effect.low < 0 < effect.high
+    assert effect.high - effect.low < 0.1 * truth
+
+
+@settings(deadline=None, max_examples=20)
+@given(some.integers(0, 2**32), some.floats(-6, 6))
+def test_errors_that_levels_share_are_added_to_the_intervals(seed, power):
+    """Closed form: the quadratic mean of scatter and both levels' errors; of four cells for two."""
+    random = np.random.default_rng(seed)
+    scale = 10.0**power
+    a, b = np.repeat(["1", "2"], 8), np.tile(["1", "2"], 8)
+    values, factors, one = scale * random.normal(size=16), {"a": a, "b": b}, np.zeros(16, np.intp)
+    sizes = (scale * random.gamma(1, 1, 4)).tolist()
+    of_cell = dict(zip(product("12", repeat=2), sizes, strict=True))
+    stds = np.array([of_cell[cell] for cell in zip(a, b, strict=True)])
+    lists = {name: own.tolist() for name, own in factors.items()}
+    alone = fit_effects(values, lists, one, interaction=True)
+    fit = fit_effects(values, lists, one, stds=stds, interaction=True)
+    for name, own in factors.items():
+        effect = found_in(fit)[name, "2"]
+        assert effect.level_std == pytest.approx(np.hypot(*(stds[own == k].mean() for k in "12")))
+    expected = np.linalg.norm([*of_cell.values()])
+    assert found_in(fit)["a x b", "2 x 2"].level_std == pytest.approx(expected)
+    for key, effect in found_in(fit).items():
+        before = found_in(alone)[key]
+        assert before.level_std == 0
+        assert effect.value == before.value
+        assert effect.std == pytest.approx(np.hypot(before.std, effect.level_std))
+        assert effect.high - effect.low > 2 * 1.959 * effect.std
+    for factor in fit.factors:  # one level beside the first: the same as its interval
+        (effect,) = factor.effects
+        assert (factor.p_value < 0.05) == (not effect.low <= 0 <= effect.high)
+
+
+def test_a_shared_error_without_an_effect_is_not_significant():
+    """Levels whose presses share an error of known size: 95 % of intervals contain no effect."""
+    random, inside = np.random.default_rng(8), {"with": [], "without": []}
+    for _ in range(300):
+        sizes = 10 ** random.uniform(-1, 1, 2)
+        errors = random.normal(0, sizes)
+        values = np.repeat(errors, 4) + random.normal(0, 0.3, 8)
+        for what, stds in (("with", np.repeat(sizes, 4)), ("without", None)):
+            levels = {"a": list("11112222")}
+            fit = fit_effects(values, levels, np.zeros(8, np.intp), stds=stds)
+            (effect,) = fit.factors[0].effects
+            inside[what].append(effect.low <= 0 <= effect.high)
+    assert 0.92 < np.mean(inside["with"]) < 0.985
+    assert np.mean(inside["without"]) < 0.7
 
 
 @settings(deadline=None, max_examples=20)

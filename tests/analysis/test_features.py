@@ -65,9 +65,11 @@ def test_a_press_has_the_uncertainties_of_its_fit_and_of_its_sensors(found):
     assert std_of(row, "release", gains) == held.release_std
     force = row["release_force"] * press.rig.daq.channel("force").gain_std
     unseen = row["unseen_force"]  # Its force at rest is 0, of a key that has a weight
-    assert std_of(row, "release_force", gains) == pytest.approx(math.hypot(force, unseen))
+    late = (row["release_force"] - row["contact_force"]) / held.pluck_duration * held.release_std
+    assert std_of(row, "release_force", gains) == pytest.approx(math.hypot(force, unseen, late))
     travel = row["held_work"] / (row["contact_force"] + row["release_force"]) * 2
-    work = math.hypot(row["held_work"] * gains["held_work"], unseen * travel)
+    late = row["held_work"] / held.pluck_duration * both
+    work = math.hypot(row["held_work"] * gains["held_work"], unseen * travel, late)
     assert std_of(row, "held_work", gains) == pytest.approx(work)
     assert std_of(row, "plucks", gains) is std_of({}, "release_force_2", gains) is None
 

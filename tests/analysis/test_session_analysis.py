@@ -192,6 +192,26 @@ def test_a_difference_has_welchs_interval():
     assert (difference(same, same).low, difference(same, same).high) == (0, 0)
 
 
+def test_a_difference_has_what_the_fit_may_do_to_a_set_but_no_gains():
+    """Equal presses: both sets' slopes have 3 and 4 N/m of the fit, and gains of 2 %."""
+    first, second = (
+        next(
+            feature
+            for feature in pooled_features(
+                [released(1.5) | {"force_slope": 900.0, "force_slope_std": std}] * 3,
+                {},
+                {"force_slope": 0.02},
+            )
+            if feature.name == "force_slope"
+        )
+        for std in (3.0, 4.0)
+    )
+    found = difference(first, second)
+    assert first.shared_std == pytest.approx(np.hypot(18, 3))
+    assert found.high == pytest.approx(1.96 * 5, rel=1e-3)
+    assert found.low == pytest.approx(-1.96 * 5, rel=1e-3)
+
+
 def test_conditions_of_two_sets_are_paired_by_what_varies(four):
     _, presses = four
     rig = presses[0].press.rig

@@ -21,6 +21,7 @@ ROW = {
     "plectrum_length": 4.5e-3, "plectrum_width": 0.75e-3, "plectrum_youngs_modulus": 2.9e9,
     "plectrum_friction": 0.0, "string_stiffness": 810.0, "string_clearance": 2e-3,
     "jack_speed": 0.072, "plucks": 1, "size": 1, "mtime": 1,
+    "release_std": 0.0, "force_slope_std": 0.0, "force_drop_std": 0.0,
 }  # fmt: skip
 
 
@@ -209,6 +210,26 @@ def test_jack_speed_is_a_regressor():
     found = find_touch(campaign_of(rows))
     for felt in found.felt.values():
         assert felt.press.high < 0.02
+
+
+def test_an_error_of_the_fit_that_changes_with_the_speed_is_no_exponent_of_it():
+    """Slopes 3 % too low at one speed and 4 % too high at another, as their uncertainty allows."""
+    rows, ends = rows_of(6, 2, 6, stds=(0.002, 0.0, 0.02)), []
+    for i, row in enumerate(rows):
+        row["jack_speed"] = 0.05 * (1 + i % 3)
+        row["force_slope"] *= (0.97, 1.0, 1.04)[i % 3]
+    for std in (0.0, 0.03):
+        own = [row | {"force_slope_std": std * row["force_slope"]} for row in rows]
+        found = find_touch(campaign_of(own))
+        ends.append(found.felt["force_slope"].exponents["jack_speed"])
+        for plectrum in found.plectra:
+            slope = plectrum.felt["force_slope"]
+            assert np.log(slope.high / slope.low) > 2 * 1.959 * std
+    assert ends[0].low > 0
+    assert ends[1].low < 0 < ends[1].high
+    assert ends[1].value == ends[0].value
+    unknown = find_touch(campaign_of([row | {"force_slope_std": None} for row in rows]))
+    assert any("without force_slope_std" in note for note in unknown.notes)
 
 
 def test_too_few_presses_are_refused():
