@@ -57,7 +57,7 @@ def locked(path: Path, purpose: str = "", *, shared: bool = False) -> Iterator[N
         name = f"process {os.getpid()} on {platform.node()}, since {since}"
         name += f", for {purpose}" * bool(purpose)
         with suppress(OSError):  # the name is only for a message
-            write_durably(owner, name, replace=True)
+            write_durably(owner, name.encode("utf-8", "backslashreplace"), replace=True)
         if shared:
             _SHARED[path] = me
         yield
