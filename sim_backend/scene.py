@@ -296,7 +296,7 @@ class Scene(Section):
             raise SceneError("\n".join(faults))
         return rig
 
-    def replaced(self, keys: Iterable[str]) -> list[str]:
+    def overridden(self, keys: Iterable[str]) -> list[str]:
         """Return those dotted keys of a rig of which the simulated bench has the scene's value."""
         choirs = "more_choirs." if self.more_choirs is not None else "\0"
         return [key for key in keys if key in self.truth or key.startswith(choirs)]

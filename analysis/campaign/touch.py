@@ -233,7 +233,7 @@ def _fit(
             " missing or not above 0; look at their recordings"
         )
     of_fit = "release_std" if name == "release_force" else f"{name}_std"
-    if of_fit not in presses or presses[of_fit].isna().any():
+    if of_fit not in presses or bool(presses[of_fit].isna().to_numpy().any()):
         notes.append(
             f"presses without {of_fit}, whose instants were set by hand or whose table is of an"
             " earlier version, have no error of the fit: intervals may be too narrow"

@@ -184,10 +184,12 @@ def std_of(row: Row, name: str, gains: Mapping[str, float]) -> float | None:
     parts = stds if len(stds) == len(ends) else []
     if feature in AT:  # times the rate at which it changes while the string is held
         of = [feature] if ends == HELD else [feature.replace(ends[0], end) for end in HELD]
-        first, last = (0.0, *(row.get(column(one, pluck)) for one in of))[-2:]
-        duration = row.get(column("pluck_duration", pluck))
-        all_known = isinstance(first, float) and isinstance(last, float) and duration
-        parts = [std * abs((last - first) / duration) for std in parts] if all_known else []
+        needed = [row.get(column(one, pluck)) for one in ("pluck_duration", *of)]
+        numbers = [number for number in needed if isinstance(number, float)]
+        rate = 0.0
+        if len(numbers) == len(needed) and numbers[0]:
+            rate = abs(numbers[-1] - (numbers[1] if len(of) > 1 else 0.0)) / numbers[0]
+        parts = [std * rate for std in parts] if rate else []
     if isinstance(value, float) and feature in gains:
         parts = [*parts, abs(value) * gains[feature]]
     unseen = row.get("unseen_force")

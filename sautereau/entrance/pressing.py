@@ -181,9 +181,9 @@ class Pressing:
         fault = self.result.fault if not self.result.halted else ""
         stale = self.planner.stale(press.partial for press in self._presses)
         set_up = dict.fromkeys(key for row in self.plan.rows or () for key in row.set_up)
-        replaced = self.bench.scene.replaced(set_up) if self.bench.scene else ()
-        without_effect = ", ".join(replaced) and (
-            f"{', '.join(replaced)}: the scene has its own value, so those of the presses have no"
+        overridden = self.bench.scene.overridden(set_up) if self.bench.scene else ()
+        without_effect = ", ".join(overridden) and (
+            f"{', '.join(overridden)}: the scene has its own value, so those of the presses have no"
             " effect on the stand-in"
         )
         return [*self.planner.warnings, *filter(None, (without_effect, fault, stale))]

@@ -120,8 +120,8 @@ def test_a_table_names_the_plectrum_of_string_2(tmp_path):
     assert row.rig.more_choirs[0].plectrum.overlap == pytest.approx(2e-4)
     assert to_set(two, {}, row) == {key: "0.2 mm"}
     assert to_set(two, row.set_up, Row(two)) == {key: "0.00025 m"}
-    assert scene.replaced(row.set_up) == [key]
-    assert load_scene("ideal").replaced(row.set_up) == []
+    assert scene.overridden(row.set_up) == [key]
+    assert load_scene("ideal").overridden(row.set_up) == []
     with pytest.raises(RobotError, match=r"more_choirs\.0\.plectrum\.overlap: .*has 0 of these"):
         read_plan_table(path, RIG, 1)
 
