@@ -110,7 +110,7 @@ def test_a_measured_mode_decides(pressed, examined):
     [
         (150.0, "force", 20e-3, Source.MAINS),
         (350.0, "force", 20e-3, Source.STEADY),
-        (470.0, "force", 30e-3, Source.STEADY),
+        (520.0, "force", 30e-3, Source.STEADY),
         (310.0, "velocity", 1e-3, Source.STEADY),
     ],
 )
