@@ -15,7 +15,7 @@ from sautereau.analysis.press.features import (
     std_of,
 )
 from sautereau.analysis.session.compare import Mean, mean_of, with_shared
-from sautereau.analysis.session.repeatability import LEAST, Step, Trend, step_of, trend_of
+from sautereau.analysis.session.repeatability import CHANCE, LEAST, Step, Trend, step_of, trend_of
 
 POOLED = tuple(
     name
@@ -23,8 +23,10 @@ POOLED = tuple(
     if unit not in ("", "1") and not name.endswith("_std") and name != "rest_force"
 )
 """Features of which a mean over presses has a meaning: not the zero of an amplifier."""
-DRIFTING = ("pluck_duration", "release_force")
+DRIFTING = ("pluck_duration", "release_force", "contact_rise")
 """Features of a pluck of which a drift and a step are reported: of more, some change by chance."""
+SCATTERING = ("contact_rise", "force_drop")
+"""Features of a pluck that no speed of the jack changes, of which a scatter is reported."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,22 @@ class PooledFeature:
         if split_column(self.name)[0] not in DRIFTING:
             return None
         return step_of(np.array(self.values))
+
+    @property
+    def drifts(self) -> bool:
+        """Whether one in `DRIFTING` has a drift, and not a step."""
+        drifting = split_column(self.name)[0] in DRIFTING
+        return bool(drifting and self.drift and self.drift.significant and not self.step)
+
+    @property
+    def scatters(self) -> bool:
+        """Whether presses of one in `SCATTERING` differ by more than the `shared_std` of each."""
+        if not self.std or split_column(self.name)[0] not in SCATTERING or not self.shared_std:
+            return False
+        from scipy.special import chdtrc
+
+        free = self.presses - 1
+        return bool(chdtrc(free, free * (self.std / self.shared_std) ** 2) < CHANCE)
 
     @property
     def presses(self) -> int:
