@@ -25,8 +25,6 @@ POOLED = tuple(
 """Features of which a mean over presses has a meaning: not the zero of an amplifier."""
 DRIFTING = ("pluck_duration", "release_force", "contact_rise")
 """Features of a pluck of which a drift and a step are reported: of more, some change by chance."""
-SCATTERING = ("contact_rise", "force_drop")
-"""Features of a pluck that no speed of the jack changes, of which a scatter is reported."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +61,15 @@ class PooledFeature:
 
     @property
     def scatters(self) -> bool:
-        """Whether presses of one in `SCATTERING` differ by more than the `shared_std` of each."""
-        if not self.std or split_column(self.name)[0] not in SCATTERING or not self.shared_std:
-            return False
+        """Whether the rise at contact differs by more than the `shared_std` of each press.
+
+        The speed of the jack does not change it, and a force drop has outliers.
+        """
         from scipy.special import chdtrc
 
+        is_rise = split_column(self.name)[0] == "contact_rise"
+        if not (is_rise and self.std and self.shared_std):
+            return False
         free = self.presses - 1
         return bool(chdtrc(free, free * (self.std / self.shared_std) ** 2) < CHANCE)
 
