@@ -297,7 +297,7 @@ def _changes(
         text = (
             f"the {label} drifts by {total * scale:+.3g} {unit} from the first to the last of"
             f" {len(names)} presses ({100 * total / mean:+.2g} %, 95 %: {100 * low / mean:+.2g} to"
-            f" {100 * high / mean:+.2g} %): their means are not those of one state"
+            f" {100 * high / mean:+.2g} %): find what changes, or compare fewer at once"
         )
         yield text, abs(total)
     elif feature.scatters and feature.std:
