@@ -239,7 +239,9 @@ def read_toml(text: str, origin: str, error_type: type[Exception]) -> dict[str, 
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise error_type(f"{origin}: not valid TOML: {error}; correct that line") from error
+        # "Cannot declare twice" and the like: the table of a dotted key has its first part as name.
+        again = ", or rename one of the two, such as a group of a design" * ("Cannot" in str(error))
+        raise error_type(f"{origin}: not valid TOML: {error}; correct that line{again}") from error
     except ValueError as error:
         most = sys.get_int_max_str_digits()
         raise error_type(f"{origin}: a number has over {most} digits; shorten it") from error

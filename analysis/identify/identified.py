@@ -29,6 +29,7 @@ from sautereau.analysis.identify.parameters import (
     CONTACT,
     FRICTION,
     Prior,
+    split_name,
     value_of,
     with_parameters,
 )
@@ -295,11 +296,13 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
     for estimate in estimates:
         if estimate.at_bound:
             p = bounds[estimate.name]
+            how = "widen the range by a prior, or look for other errors in the rig"
+            if split_name(p.name)[1] == FRICTION and p.low == 0 and estimate.value < p.high / 2:
+                how = "there is no lower one, so these presses show no friction"
             found.append(
                 f"{p.name}: the fit reached a bound at"
                 f" {f'{estimate.value:.4g} {p.unit}'.strip()}, of"
-                f" {f'{p.low:.4g} to {p.high:.4g} {p.unit}'.strip()}; widen the range by a prior,"
-                " or look for other errors in the rig"
+                f" {f'{p.low:.4g} to {p.high:.4g} {p.unit}'.strip()}; {how}"
             )
     if thrown := sum(press.thrown for press in dynamics.presses):
         found.append(

@@ -326,6 +326,11 @@ def _parameter(rig: Rig, name: str, prior: Prior, faults: list[str]) -> Paramete
     """Return a parameter with its bounds; add contradictions to `faults`."""
     value, unit = value_of(rig, name), unit_of_parameter(name)
     low, high = bounds_of(rig, name)
+    for end in (prior.low, prior.high, prior.mean):
+        if split_name(name)[1] == FRICTION and end is not None and not low <= end <= high:
+            faults.append(
+                f"prior of {name}: {end:.4g} is not within {low:g} to {high:g}; change it"
+            )
     low = low if prior.low is None else prior.low
     high = high if prior.high is None else prior.high
     if prior.mean is not None and prior.std is not None:

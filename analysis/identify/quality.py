@@ -116,25 +116,27 @@ def judged(good: Quality, fitted: Fit) -> Quality:
     rises = fitted.problem.dynamics.residuals(fitted.values)[1]
     names = [press.name for press in presses for _ in press.release_angles]
     worst = int(np.abs(rises).argmax()) if rises.size else 0
+    first = []
     if rises.size and abs(rises[worst]) > PRIOR_MAX:
-        reasons.append(
+        # Presses that differ leave the other residuals too.
+        first.append(
             f"{names[worst]}: the rise of the jack at the release is {abs(rises[worst]):.2g}"
             f" standard uncertainties {'above' if rises[worst] > 0 else 'below'} the model's: fit"
-            " presses of one plectrum and one set-up, and check that release in a plot of the"
-            " phases"
+            " presses of one plectrum and one set-up (sautereau compare says what changes), and"
+            " check that release in a plot of the phases"
         )
     if FORCE in fitted.instead:
         reasons.append(
             f"{FORCE}: a rigid key fits with a zero and a drift of the force: free it, or"
             " key.gravity_moment, which acts like the zero"
         )
-    if fitted.instead and reasons:
+    if fitted.instead and (first or reasons):
         reasons.append(
             "these recordings do not separate wrong calibrations from elastic modes of the key,"
             " which were not tried: if sensors and lengths are right, tap the key (sautereau setup"
             " tap)"
         )
-    return replace(good, offsets=offsets, reasons=(*good.reasons, *reasons))
+    return replace(good, offsets=offsets, reasons=(*first, *good.reasons, *reasons))
 
 
 def quality(fitted: Fit) -> Quality:
@@ -175,7 +177,7 @@ def quality(fitted: Fit) -> Quality:
             if part and part.size < held_residual / 2:
                 fix = (
                     "it differs from press to press: fit presses of one plectrum and one set-up"
-                    " (sautereau compare names a change)"
+                    " (sautereau compare says what changes)"
                 )
             reasons.append(
                 f"the residual while a string is held is {held_residual * 1e3:.3g} mN, and"

@@ -204,13 +204,15 @@ def about_rig(
     rise = float(signals.rise.max())
     scale = "the scale of the velocity, `key.laser_arm` and `[press]`"
     rail = "where the key meets its front rail (`key.dip`), "
+    of_rise = rise / planned.jack_rise
+    wrong = not 0.5 < of_rise < 2  # a finger of any speed goes about as far: a wrong scale or unit
     said = [
         _differs(
-            (1 / settings.motion, settings.motion), f"the jack's {what}", ratio, fix, doubt=driven
+            (1 / settings.motion, settings.motion), f"the jack's {what}", ratio, fix, doubt=is_so
         )
-        for what, ratio, fix in (
-            (f"speed, {cruise:.2g} m/s,", cruise / planned.jack_speed, scale),
-            (f"rise, {rise * 1e3:.2g} mm,", rise / planned.jack_rise, rail + scale),
+        for what, ratio, fix, is_so in (
+            (f"rise, {rise * 1e3:.2g} mm,", of_rise, rail + scale, driven or wrong),
+            (f"speed, {cruise:.2g} m/s,", cruise / planned.jack_speed, scale, driven),
         )
     ]
     if plucks and fit.inertia is not None:
@@ -234,10 +236,10 @@ def about_rig(
         measured = min(1.0, math.hypot((held.force_drop_std or 0.0) / drop, times))
         own = strings.variations[row, 1:, 1:] * [[1, -1], [-1, 1]]
         limit = math.exp(settings.deviations * math.sqrt(own.sum() + measured**2))
-        of_rise = f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,"
+        of_drop = f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,"
         limits = 1 / settings.force, settings.force
         said.append(
-            _differs((0.0, limit), of_rise, per_rise / by_rig, fix, (i,))
+            _differs((0.0, limit), of_drop, per_rise / by_rig, fix, (i,))
             or _differs(limits, f"{who}, {drop:.2g} N,", drop / strings.forces[row], fix, (i,))
         )
     if plucks and fit.lag is not None and abs(fit.lag) > settings.late:

@@ -122,13 +122,13 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     unlike = [] if known else checks.about_rig(press, signals, cruise, found.fit, plucks, strings)
     held = [] if known else checks.held_at_top(signals, begin, plucks, strings)
     said = [
+        *unlike,
         *checks.about_end(signals, begin, held, strings),
         *of_level,
         *checks.about_instants(plucks, contacts, steady, signals.missing, settings),
         *checks.about_flags(signals, press.quality_flags, plucks, (start, bottom)),
         *checks.about_exchange(contacts, plucks, settings),
         *checks.about_strings(plucks, strings),
-        *unlike,
         *checks.about_fit(signals, found.fit, found.further, plucks, strings, len(held)),
         *([] if known else checks.about_likeness(signals, plucks, strings)),
     ]

@@ -6,13 +6,13 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from sautereau.analysis.model.choirs import string_names
-from sautereau.analysis.press.features import quantity_of, split_column, title_of
+from sautereau.analysis.press.features import quantity_of, title_of
 from sautereau.analysis.results.result import Result, frame_of, json_of, plain, shown
 from sautereau.analysis.session.compare import ERRORS, Mean, listed_contributions
 from sautereau.analysis.session.compare import Comparison as Compared
 from sautereau.analysis.session.conditions import Condition, SessionAnalysis
 from sautereau.analysis.session.difference import Difference, Pair
-from sautereau.analysis.session.pooled import DRIFTING, PooledFeature
+from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
 from sautereau.analysis.text import (
     OF_DIFFERENCES,
@@ -266,7 +266,6 @@ def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
         lines += _comparison_lines(condition, features)
         if condition.repeatability:
             lines += repeatability_lines(condition.repeatability)
-        lines += _drift_lines(condition)
         lines += [condition.speed_verdict] if condition.speed_reached else []
         lines += condition.warnings
     return lines
@@ -294,22 +293,6 @@ def _comparison_lines(found: Condition, features: bool) -> list[str]:
         if kind in INTERVALS:
             lines.append(f"  95 % intervals: {INTERVALS[kind]}, sensors and fit")
     return lines
-
-
-def _drift_lines(found: Condition) -> list[str]:
-    """Return the features of `DRIFTING` whose drift is significant."""
-    strings = string_names(found.rig)
-    return [
-        f"  drift of the {title_of(one.name, strings)}: {one.drift.value * scale:+.3g} per press"
-        " (95 %:"
-        f" {one.drift.low * scale:+.3g} to {one.drift.high * scale:+.3g})"
-        for one in found.features
-        if split_column(one.name)[0] in DRIFTING
-        and one.drift
-        and one.drift.significant
-        and not one.step
-        for scale in [quantity_of(one.name).displayed[0]]
-    ]
 
 
 def pair_lines(found: Pair) -> list[str]:

@@ -62,11 +62,10 @@ class Transient(Result):
     def lines(self) -> list[str]:
         """Return the oscillations as text, and what would decide the undecided ones."""
         lines = [SOME_SIMULATED] if self.simulated else []
-        lines.append(
-            f"{counted(len(self.found), 'oscillation')} in {counted(len(self.examined), 'press')};"
-            " amplitudes at the start of the clearest phase:"
-        )
+        count = f"{counted(len(self.found), 'oscillation')} in"
+        lines.append(f"{count} {counted(len(self.examined), 'press')}")
         if self.found:
+            lines[-1] += "; amplitudes at the start of the clearest phase:"
             heads = [
                 ("frequency", "damping", "force", "velocity", ""),
                 ("(Hz)", "(%)", "(mN)", "(mm/s)", "source"),
@@ -177,9 +176,10 @@ COLOURS = {
     Source.FINGER: palette.BLUE,
     Source.TRANSDUCER: palette.PURPLE,
     Source.MAINS: palette.SKY,
+    Source.STEADY: palette.ORANGE,
     Source.OTHER: palette.YELLOW,
 }
-HATCHES = dict(zip(COLOURS, ("", "//", "..", "xx", "--", "||"), strict=True))
+HATCHES = dict(zip(COLOURS, ("", "//", "..", "xx", "--", "++", "||"), strict=True))
 """Hatches of the bars, which then differ in grey as well."""
 SIGNAL, FITTED = "#9db4c8", "#111111"
 EDGE = {"edgecolor": "white", "lw": 0}

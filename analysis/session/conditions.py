@@ -5,9 +5,11 @@ Command line, report and notebooks show what `analyse` returns, and compute none
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
+
+import numpy as np
 
 from sautereau.analysis.alike import INSTRUMENT
 from sautereau.analysis.errors import AnalysisError
@@ -26,7 +28,7 @@ from sautereau.analysis.session.compare import (
     with_budget,
 )
 from sautereau.analysis.session.pooled import PooledFeature, pooled_features
-from sautereau.analysis.session.repeatability import LEAST, Repeatability, Step, repeatability
+from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
 from sautereau.rig.document import flat, values_of
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.faults import unit_of
@@ -252,11 +254,10 @@ def _condition(
             warnings.append(f"no repeatability: {error}")
     features = pooled_features(rows, predicted, gain_stds(own))
     for one in features:
-        if step := one.step:
-            own_rows = zip(known, map(by_string, rows), strict=True)
-            have = [press for press, row in own_rows if isinstance(row.get(one.name), float)]
-            text = _step_text(one, step, string_names(own), have)
-            if comparison and abs(step.second - step.first) > NORMAL * one.shared_std:
+        own_rows = zip(known, map(by_string, rows), strict=True)
+        have = [press for press, row in own_rows if isinstance(row.get(one.name), float)]
+        for text, size in _changes(one, string_names(own), have):
+            if comparison and size > NORMAL * one.shared_std:
                 comparison = replace(comparison, unlike_rig=(*comparison.unlike_rig, text))
             else:
                 warnings.append(text)
@@ -276,17 +277,38 @@ def _condition(
     return found
 
 
-def _step_text(
-    feature: PooledFeature, step: Step, strings: Sequence[str], presses: Sequence[AnalysedPress]
-) -> str:
-    """Return which feature changed between which of the presses that have it."""
+def _changes(
+    feature: PooledFeature, strings: Sequence[str], presses: Sequence[AnalysedPress]
+) -> Iterator[tuple[str, float]]:
+    """Yield how a feature changes within the presses that have it, and by how much in its unit."""
     scale, unit = quantity_of(feature.name).displayed
     label = title_of(feature.name, strings).replace(f" ({unit})", "")
-    last, next_one = (press.press.path.name for press in presses[step.before - 1 :][:2])
-    return (
-        f"the {label} changes from {step.first * scale:.4g} to {step.second * scale:.4g} {unit}"
-        f" between {last} and {next_one}: analyse the presses before and after apart"
-    )
+    names = [press.press.path.name for press in presses]
+    if step := feature.step:
+        last, next_one = names[step.before - 1 :][:2]
+        text = (
+            f"the {label} changes from {step.first * scale:.4g} to {step.second * scale:.4g} {unit}"
+            f" between {last} and {next_one}: analyse the presses before and after apart"
+        )
+        yield text, abs(step.second - step.first)
+    elif feature.drifts and (drift := feature.drift):
+        steps, mean = len(names) - 1, abs(feature.measured.value)
+        total, low, high = (steps * each for each in (drift.value, drift.low, drift.high))
+        text = (
+            f"the {label} drifts by {total * scale:+.3g} {unit} from the first to the last of"
+            f" {len(names)} presses ({100 * total / mean:+.2g} %, 95 %: {100 * low / mean:+.2g} to"
+            f" {100 * high / mean:+.2g} %): find what changes, or compare fewer at once"
+        )
+        yield text, abs(total)
+    elif feature.scatters and feature.std:
+        ends = [values_at(feature.values) for values_at in (np.argmin, np.argmax)]
+        least, most = (f"{feature.values[k] * scale:.4g} {unit} in {names[k]}" for k in ends)
+        text = (
+            f"the {label} varies from {least} to {most}, more than the uncertainty of a press"
+            f" ({feature.shared_std * scale:.2g} {unit}): the presses are not of one set-up;"
+            " analyse those that are alike apart"
+        )
+        yield text, float(np.ptp(feature.values))
 
 
 def _predicted(rig: Rig, own: Rig, level: str, speed: JackSpeed | None) -> Prediction:

@@ -16,7 +16,7 @@ from sautereau.analysis.press.features import (
     std_of,
 )
 from sautereau.analysis.session.compare import Mean, mean_of, with_shared
-from sautereau.analysis.session.repeatability import LEAST, Step, Trend, step_of, trend_of
+from sautereau.analysis.session.repeatability import CHANCE, LEAST, Step, Trend, step_of, trend_of
 
 POOLED = tuple(
     name
@@ -24,7 +24,7 @@ POOLED = tuple(
     if unit not in ("", "1") and not name.endswith("_std") and name != "rest_force"
 )
 """Features of which a mean over presses has a meaning: not the zero of an amplifier."""
-DRIFTING = ("pluck_duration", "release_force")
+DRIFTING = ("pluck_duration", "release_force", "contact_rise")
 """Features of a pluck of which a drift and a step are reported: of more, some change by chance."""
 
 
@@ -55,6 +55,26 @@ class PooledFeature:
         if split_column(self.name)[0] not in DRIFTING:
             return None
         return step_of(np.array(self.values))
+
+    @property
+    def drifts(self) -> bool:
+        """Whether one in `DRIFTING` has a drift, and not a step."""
+        drifting = split_column(self.name)[0] in DRIFTING
+        return bool(drifting and self.drift and self.drift.significant and not self.step)
+
+    @property
+    def scatters(self) -> bool:
+        """Whether the rise at contact differs by more than the `shared_std` of each press.
+
+        The speed of the jack does not change it, and a force drop has outliers.
+        """
+        from scipy.special import chdtrc
+
+        is_rise = split_column(self.name)[0] == "contact_rise"
+        if not (is_rise and self.std and self.shared_std):
+            return False
+        free = self.presses - 1
+        return bool(chdtrc(free, free * (self.std / self.shared_std) ** 2) < CHANCE)
 
     @property
     def presses(self) -> int:

@@ -18,6 +18,7 @@ from sautereau.trajectory.timing import PressLaw
 INSTANTS = 200  # Instants of the cruise at which presses are compared
 LEAST = 3  # Fewest presses for a spread
 COVERAGE = 0.95  # Dimensionless coverage of the intervals
+DRIFT_CHANCE = 0.01  # The same of a drift: five are tested, of the presses and of the motion
 CHANCE = 1e-3  # Probability that a change between presses is said of presses without one
 
 
@@ -63,13 +64,17 @@ def interval(spread: Spread | None, scale: float = 1.0, digits: int = 4) -> str:
     return f"{value} ({low} to {high})"
 
 
+@dataclass(frozen=True)
 class Trend(Spread):
     """Change of a quantity per press, from a straight line through all presses."""
 
+    chance: float = 0.0
+    """Probability of so large a change of presses without one."""
+
     @property
     def significant(self) -> bool:
-        """Whether the interval excludes zero."""
-        return self.low > 0 or self.high < 0
+        """Whether it is reported; of the drifts of a session without one, at most 5 % are."""
+        return self.chance < DRIFT_CHANCE
 
 
 @dataclass(frozen=True)
@@ -167,10 +172,14 @@ def trend_of(values: Floats) -> Trend:
     Args:
         values: Values of three or more presses in their order, shape (presses,).
     """
+    from scipy.special import stdtr
+
     number, slope, left = _line(values)
-    error = np.sqrt(left @ left / (len(values) - 2) / (number @ number))
-    reach = float(student(len(values) - 2) * error)
-    return Trend(slope, slope - reach, slope + reach)
+    free = len(values) - 2
+    error = float(np.sqrt(left @ left / free / (number @ number)))
+    reach = student(free) * error
+    chance = 2 * stdtr(free, -abs(slope) / error) if error else float(slope == 0)
+    return Trend(slope, slope - reach, slope + reach, float(chance))
 
 
 def _line(values: Floats) -> tuple[Floats, float, Floats]:

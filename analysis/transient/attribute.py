@@ -33,6 +33,8 @@ class Source(StrEnum):
     TRANSDUCER = "transducer"
     """The fingertip's own mass on the transducer."""
     MAINS = "mains hum"
+    STEADY = "steady tone"
+    """Undamped and there at rest too, such as a pump or a higher multiple of the hum."""
     OTHER = "other"
     """Not an oscillation of a linear bench: changing contact, motion of the drive, noise."""
 
@@ -82,7 +84,15 @@ MODELS = {
         prior=0.2, seen=(0.05, 0.5, 0.6, 0.7), ratio=1.0, ratio_std=0.4, band=(700.0, 20000.0)
     ),
     Source.MAINS: SourceModel(
-        prior=0.1, seen=(0.9, 0.9, 0.9, 0.9), ratio=1.0, ratio_std=1.0, damping_std=0.002
+        prior=0.1, seen=(0.98, 0.95, 0.95, 0.95), ratio=1.0, ratio_std=1.0, damping_std=0.002
+    ),
+    Source.STEADY: SourceModel(
+        prior=0.02,
+        seen=(0.98, 0.95, 0.95, 0.95),
+        ratio=0.0,
+        ratio_std=1.0,
+        band=(20.0, 20000.0),
+        damping_std=0.002,
     ),
     Source.OTHER: SourceModel(
         prior=0.1, seen=(0.2, 0.3, 0.3, 0.3), ratio=0.0, ratio_std=0.8, band=(20.0, 20000.0)
@@ -102,8 +112,8 @@ DECIDING_PRESS = {
     frozenset({Source.FINGER, Source.TRANSDUCER}): "a tap on the fingertip in the air: only the"
     " transducer's own mode remains",
 }  # Which press would decide between two sources
-HUM = "a recording at rest with the drives off: only the hum remains"
-"""Which recording would decide between mains hum and another source."""
+HUM = "a recording at rest with the drives off: only hum and steady tones remain"
+"""Which recording would decide between them and another source."""
 AGAIN = "more presses at the same speed: a mode of the bench returns at the same frequency"
 """Which presses would decide whether an oscillation belongs to the bench."""
 
@@ -197,7 +207,7 @@ def _frequency(
         )
         likely = (1 - FREE_PART) * held + FREE_PART * free
     elif source is Source.MAINS:
-        likely = _partials(frequency, MAINS, MAINS_STD, doubt)
+        return _partials(frequency, MAINS, MAINS_STD, doubt)
     else:
         low, high = MODELS[source].band or FULL
         likely = 1 / log(high / low) if low <= frequency <= high else 0.0

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.signal import firwin
 from scipy.stats import chi2
 
@@ -27,6 +28,7 @@ TAPS = 12  # Length of the low-pass filter in decimated samples
 DEVIATIONS = 3.0  # Standard uncertainties within which two values count as the same
 FULL_SPEED = 0.95  # Fraction of the free speed at which the run-up ends
 CONTACT_LOST = 0.3  # Force over that of the free phase below which the finger is off the key
+BINS = 15  # Bins of the spectrum at rest around a frequency, of which a line takes 3 to 5
 ABOVE_REST = 4.0  # Smallest amplitude of a mode, in its uncertainties at the noise's level
 
 
@@ -231,8 +233,9 @@ class _Noise:
         # Hum is a narrow line, which the median of a band ignores.
         band = power[:, int(0.05 * n) : int(0.38 * n)]
         self.white = np.maximum(np.sqrt(np.median(band, axis=1) / np.log(2)), floor)
-        smooth = np.array([np.convolve(p, np.ones(5) / 5, "same") for p in power])
-        self.level = np.maximum(1.0, np.sqrt(smooth) / self.white[:, None])
+        # So does that of the bins around it: what oscillates at rest as well is no noise.
+        around = median_filter(power, (1, BINS)) / np.log(2)
+        self.level = np.maximum(1.0, np.sqrt(around) / self.white[:, None])
         self.frequency = np.fft.rfftfreq(n, 1 / rate)
 
     def is_below(self, mode: DampedMode) -> bool:

@@ -308,6 +308,14 @@ def test_a_parameter_at_a_bound_gives_a_warning(two):
     assert any("key.inertia: the fit reached a bound" in warning for warning in found.warnings)
 
 
+def test_a_friction_of_0_is_no_reason_to_widen_a_range(two):
+    """The plectrum is softer than the rig's, which no friction imitates."""
+    found = evaluate(refined(fit(inverse_dynamics(*two, ["plectrum.friction"]), 1)))
+    (text,) = (each for each in found.warnings if "reached a bound at 0, of 0 to 0.5" in each)
+    assert "no lower one" in text
+    assert "widen" not in text
+
+
 @pytest.mark.slow
 def test_a_delay_of_the_force_is_found(two):
     press, phases = (part[0] for part in two)

@@ -47,6 +47,12 @@ def test_priors_set_bounds_or_an_expectation(paper):
     assert fitted.high == pytest.approx(12e-4)
 
 
+def test_a_friction_below_0_is_refused_as_given(paper):
+    name, prior = read_prior("plectrum.friction=-0.1 to 0.5")
+    with pytest.raises(AnalysisError, match=r"plectrum\.friction: -0\.1 is not within 0 to 0\.5"):
+        parameters(paper, [name], {name: prior})
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -9,7 +9,7 @@ import pytest
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.results.comparison import repeatability_lines
-from sautereau.analysis.session.repeatability import Spread, Trend, repeatability, step_of
+from sautereau.analysis.session.repeatability import Spread, Trend, repeatability, step_of, trend_of
 from sautereau.daq.file.recorded import Event
 from sautereau.trajectory.timing import press_law
 from tests.presses import with_data
@@ -128,6 +128,14 @@ def test_steps_are_said_of_one_in_a_thousand_sets_without_one(n):
     sets = 4000
     found = sum(step_of(random.standard_normal(n)) is not None for _ in range(sets))
     assert found / sets < 1e-3 + 3 * np.sqrt(1e-3 / sets)
+
+
+@pytest.mark.parametrize("n", [3, 6, 20])
+def test_drifts_are_said_of_one_in_a_hundred_sets_without_one(n):
+    """Five quantities are tested: of 95 in 100 sessions without one no drift is named."""
+    random, sets = np.random.default_rng(n), 4000
+    found = sum(trend_of(random.standard_normal(n)).significant for _ in range(sets))
+    assert found / sets == pytest.approx(0.01, abs=3 * np.sqrt(0.01 / sets))
 
 
 def test_a_straight_drift_is_no_step():

@@ -1,5 +1,6 @@
 """One analysis of a session: what is pooled, what agrees, and the difference of two sets."""
 
+import re
 import shutil
 from dataclasses import replace
 from itertools import islice
@@ -94,13 +95,8 @@ def test_a_press_without_a_pluck_is_named_where_others_have_one(four):
 def test_a_plectrum_changed_within_a_session_is_named(four, factor):
     """The mean of two plectra is that of none, whether the ranges contain it or not."""
     random = np.random.default_rng(0)
-    made = []
-    for number in range(8):
-        press = four[1][number % 4]
-        force = press.features["release_force"] * (1 + 2e-4 * random.standard_normal())
-        path = press.press.path.with_name(f"{number}.mcap")
-        features = {**press.features, "release_force": force * (factor if number > 4 else 1.0)}
-        made.append(replace(press, press=replace(press.press, path=path), features=features))
+    force = 0.8 * (1 + 2e-4 * random.standard_normal(8)) * np.where(np.arange(8) > 4, factor, 1)
+    made = changed(four, "release_force", force)
     (condition,) = analyse(made).conditions
     large = factor < 0.9  # beyond the sensors' uncertainty, which all presses share
     said = condition.comparison.unlike_rig if large else condition.warnings
@@ -109,6 +105,58 @@ def test_a_plectrum_changed_within_a_session_is_named(four, factor):
     assert condition.comparison.consistent is (not large)
     (alone,) = analyse(made[:5]).conditions
     assert not any("changes" in each for each in (*alone.comparison.unlike_rig, *alone.warnings))
+
+
+def changed(four, name, values):
+    """Return presses with these values of a feature, and the files `0.mcap` and so on."""
+    made = []
+    for number, value in enumerate(values):
+        press = four[1][number % 4]
+        path = press.press.path.with_name(f"{number}.mcap")
+        features = {**press.features, name: float(value)}
+        made.append(replace(press, press=replace(press.press, path=path), features=features))
+    return made
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (1.94e-3 + 0.15e-3 * (np.arange(8) > 3), ("changes from 1.94", "3.mcap and 4.mcap")),
+        (1.94e-3 + 0.36e-3 * (np.arange(8) % 2), ("varies from 1.9", "to 2.3")),
+    ],
+)
+def test_another_rise_at_contact_within_a_session_is_named(four, values, words):
+    """The clearance moves once, or two keys alternate, 5 um from press to press."""
+    values = values + 5e-6 * np.random.default_rng(0).standard_normal(8)
+    (condition,) = analyse(changed(four, "contact_rise", values)).conditions
+    (text,) = (each for each in condition.comparison.unlike_rig if "rise at contact" in each)
+    assert all(word in text for word in words)
+    assert not condition.comparison.consistent
+
+
+def test_a_drift_is_given_with_its_total(four):
+    """A plectrum that loses 6 % of its force over 60 presses."""
+    random, release = np.random.default_rng(0), 0.8 * (1 - 0.06 * np.arange(60) / 59)
+    values = release + 2e-3 * random.standard_normal(60)
+    found = analyse(changed(four, "release_force", values))
+    (text,) = (each for each in found.conditions[0].comparison.unlike_rig if "drifts" in each)
+    total, percent, low, high = (float(x) for x in re.findall(r"[+-][0-9.]+", text))
+    assert total == pytest.approx(-0.048, rel=0.05)
+    assert percent == pytest.approx(-6.2, abs=0.3)  # of the mean
+    assert low < percent < high
+    assert text in " ".join(Comparison(found).lines())
+
+
+def test_equal_presses_have_no_change(four):
+    """With the scatter of presses of the stand-in, of 200 sets."""
+    random, said = np.random.default_rng(5), 0
+    for _ in range(200):
+        row = {"plucks": 1, "string": 1}
+        rows = [row | {"contact_rise": v} for v in 2e-3 + 5e-6 * random.standard_normal(6)]
+        features = pooled_features(rows, {}, {"contact_rise": 0.02})
+        (one,) = (f for f in features if f.name == "contact_rise")
+        said += bool(one.step or one.scatters or one.drifts)
+    assert said <= 0.01 * 200 + 3 * np.sqrt(0.01 * 200)
 
 
 def test_remarks_of_the_presses_are_counted_or_listed(four):

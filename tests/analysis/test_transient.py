@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.signal import lfilter
 from scipy.stats import norm
 
 from benchmarks.independent import ONE_FACTOR, press
@@ -102,6 +103,44 @@ def test_a_measured_mode_decides(pressed, examined):
     )
     assert alone.source is None
     assert known.source is Source.KEY
+
+
+@pytest.mark.parametrize(
+    ("frequency", "channel", "size", "source"),
+    [
+        (150.0, "force", 20e-3, Source.MAINS),
+        (350.0, "force", 20e-3, Source.STEADY),
+        (520.0, "force", 30e-3, Source.STEADY),
+        (310.0, "velocity", 1e-3, Source.STEADY),
+    ],
+)
+def test_a_tone_that_the_rest_has_too_is_found(pressed, frequency, channel, size, source):
+    """It is part of the spectrum of the rest, but no noise."""
+    loaded, _, phases = pressed["quasi-static string"]
+    wave = size * np.sin(2 * np.pi * frequency * loaded.time + 1)
+    samples = {**loaded.samples, channel: loaded.samples[channel] + wave}
+    found = attribute(combine([examine(replace(loaded, samples=samples), phases)]), loaded.rig)
+    (tone,) = of(source, found)
+    assert tone.frequency == pytest.approx(frequency, rel=3e-3)
+    assert tone.seen["rest"] == 1
+    of_channel = [
+        abs(o.mode.amplitude[("force", "velocity").index(channel)]) for o in tone.observed
+    ]
+    assert np.median(of_channel) == pytest.approx(size, rel=0.1)
+    others = [each for each in found if each.oscillation is not tone]
+    assert all(abs(o.oscillation.frequency / frequency - 1) > 0.03 for o in others)
+
+
+def test_coloured_noise_is_no_oscillation(pressed):
+    """The rest shows its band, wider than a line."""
+    loaded, _, phases = pressed["quasi-static string"]
+    pole = np.exp((-0.3 + 1j) * 2 * np.pi * 300 / loaded.rate)
+    noise = np.random.default_rng(4).standard_normal(len(loaded.time))
+    noise = lfilter([1], [1, -2 * pole.real, abs(pole) ** 2], noise)
+    samples = {**loaded.samples, "force": loaded.samples["force"] + 0.01 * noise / noise.std()}
+    found = combine([examine(replace(loaded, samples=samples), phases)])
+    without = combine([examine(loaded, phases)])
+    assert len(found) <= len(without)
 
 
 def test_presses_are_combined(examined):

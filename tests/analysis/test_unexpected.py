@@ -164,6 +164,14 @@ def test_speed_and_rise_of_a_key_that_no_arm_pressed_are_remarks():
     assert any(f"{SPEED}, 0.072 m/s, is 2.4 times" in remark for remark in phases.remarks)
 
 
+def test_a_rise_on_a_wrong_scale_is_the_first_warning():
+    """No arm made the press, which goes about as far as any."""
+    conditions = of_channel(replace(ONE_FACTOR["all stiff"], rate=10e3), "velocity", gain=0.4)
+    phases = find_phases(judged_press(press(conditions, 0)))
+    assert phases.warnings[0].startswith(RISE)
+    assert "0.4 times" in phases.warnings[0]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("key", KEYS)
 @pytest.mark.parametrize("later", [1e-3, 2e-3, 3e-3, 5e-3, -1e-3, -2e-3, -3e-3, -5e-3])

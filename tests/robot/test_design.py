@@ -89,6 +89,15 @@ def test_blocks_are_factors_that_change_the_instrument_unless_given():
     assert {row.block for row in st.design({"jack_speed": SPEEDS}).rows(RIG)} == {1}
 
 
+def test_a_group_that_is_also_the_table_of_a_dotted_key_is_to_be_renamed(tmp_path):
+    (tmp_path / "design.toml").write_text(
+        '[factors]\nplectrum.overlap = ["0.2 mm"]\n'
+        '[factors.plectrum]\nthin = {plectrum.thickness = "0.35 mm"}\n'
+    )
+    with pytest.raises(RobotError, match=r"line 3.*rename one of the two, such as a group"):
+        read_design(tmp_path / "design.toml")
+
+
 def test_levels_of_named_values_numbers_and_rig_files(tmp_path):
     (tmp_path / "thick.toml").write_text(
         'name = "thick"\nbase = "paper"\n[plectrum]\nthickness = "0.45 mm"\noverlap = "0.3 mm"\n'
