@@ -1,7 +1,7 @@
 """Read a rig file, and report all its faults at once; give a rig other values."""
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -106,16 +106,16 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     document = rig_document(rig)
     faults = []
     for dotted, value in values.items():
-        *parents, last = path = current_key(dotted).split(".")
+        *parents, last = (key := current_key(dotted)).split(".")
         node: Any = document
         try:
             for part in parents:
-                if isinstance(node, dict) and node[part] is None and _is_key(path):
+                if isinstance(node, dict) and node[part] is None and _is_key(key):
                     node[part] = {}  # an optional table, such as that of an outline
                 node = node[int(part)] if isinstance(node, list) else node[part]
             if not isinstance(node, dict) or isinstance(node.get(last), dict):
                 raise KeyError(last)
-            if last not in node and not _is_key(path):
+            if last not in node and not _is_key(key):
                 raise KeyError(last)
         except (KeyError, IndexError, ValueError, TypeError):
             of_list = isinstance(node, list)
@@ -129,9 +129,9 @@ def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
     return changed.model_copy(update=kept)
 
 
-def _is_key(path: Sequence[str]) -> bool:
-    """Return whether a rig may have a key, of which the entries of lists are named by index."""
-    return ".".join(part for part in path if not part.isdigit()) in set(model_keys(Rig))
+def _is_key(key: str) -> bool:
+    """Return whether a rig may have a dotted key, of which entries of lists are named by index."""
+    return bare_key(key) in model_keys(Rig)
 
 
 def _unusual(rig: Rig) -> Iterator[tuple[str, str]]:

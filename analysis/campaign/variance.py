@@ -9,7 +9,7 @@ that of values. docs/decisions/0007 compares `statsmodels`.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -134,6 +134,24 @@ class Components:
         return self.covariance @ self._matrix[:-1, -1]
 
     @cached_property
+    def influence(self) -> Floats:
+        """Derivatives of the coefficients by the values, (X' V^-1 X)^-1 X' V^-1, shape (k, n).
+
+        V^-1 X is the closed form of `Nested.products`.
+        """
+        data, (residual2, subgroup2, group2) = self.data, np.exp(2 * self.logs)
+        of, n = data.subgroups, np.bincount(data.subgroups).astype(float)
+        parents = np.empty(len(n), np.intp)
+        parents[of] = data.groups
+        weights = n / (residual2 + n * subgroup2)
+        means = np.stack([np.bincount(of, column) / n for column in data.columns.T])
+        sums = np.stack([np.bincount(parents, weights * own) for own in means])
+        shifts = sums * group2 / (1 + group2 * np.bincount(parents, weights))
+        between = weights / n * (means - shifts[:, parents])
+        within = (data.columns.T - means[:, of]) / residual2
+        return np.asarray(self.covariance @ (within + between[:, of]), np.float64)
+
+    @cached_property
     def residual(self) -> Spread:
         """Standard deviation within subgroups."""
         return self._spread(0)
@@ -246,10 +264,15 @@ def shared_by(found: Components, stds: Floats, levels: Sequence[Hashable]) -> Fl
     Returns:
         That of each level, signed as it changes the coefficients, shape (levels, k).
     """
-    own = np.array([list(dict.fromkeys(levels)).index(level) for level in levels])
-    parts = [np.where(own == level, stds, 0.0) for level in range(own.max() + 1)]
-    each = [replace(found, data=replace(found.data, values=part)).coefficients for part in parts]
-    return np.array(each)  # as coefficients are linear in the values
+    own = numbered(levels)
+    each = [np.bincount(own, stds * row) for row in found.influence]
+    return np.asarray(np.stack(each, 1), np.float64)
+
+
+def numbered(levels: Sequence[Hashable]) -> NDArray[np.intp]:
+    """Return the number of each level, from 0 in the order in which they first occur."""
+    numbers = {level: number for number, level in enumerate(dict.fromkeys(levels))}
+    return np.array([numbers[level] for level in levels], np.intp)
 
 
 def _minimum(function: Callable[[Floats], Floats], middle: Floats) -> tuple[Floats, float]:

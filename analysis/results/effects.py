@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.campaign.effects import FactorEffects, FittedEffects, fit_effects, in_order
+from sautereau.analysis.campaign.variance import numbered
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.palette import BEFORE, DASHES, GRID, MARKERS, MEASURED, SERIES
 from sautereau.analysis.press.features import (
@@ -157,7 +158,7 @@ def effects_of(
     order = {factor: _ordered(own, alike) for factor, own in factors.items()}
     sessions = [p.session.session or p.press.path.absolute().parent for p in presses]
     of_session = list(zip(sessions, (p.session.block for p in presses), strict=True))
-    blocks = np.array([list(dict.fromkeys(of_session)).index(own) for own in of_session], np.intp)
+    blocks = numbered(of_session)
     rows = [by_string(press.features) for press in presses]
     if unknown := [name for name in names if split_column(name)[0] not in rows[0]]:
         raise AnalysisError(

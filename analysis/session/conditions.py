@@ -253,8 +253,8 @@ def _condition(
         except SautereauError as error:
             warnings.append(f"no repeatability: {error}")
     features = pooled_features(rows, predicted, gain_stds(own))
+    own_rows = list(zip(known, map(by_string, rows), strict=True))
     for one in features:
-        own_rows = zip(known, map(by_string, rows), strict=True)
         have = [press for press, row in own_rows if isinstance(row.get(one.name), float)]
         for text, size in _changes(one, string_names(own), have):
             if comparison and size > NORMAL * one.shared_std:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from sautereau.analysis.campaign.variance import Nested, fit_nested
+from sautereau.analysis.campaign.variance import Components, Nested, fit_nested
 from sautereau.analysis.errors import AnalysisError
 from tests.budget import slow
 
@@ -50,13 +50,19 @@ def test_the_likelihood_is_that_of_the_complete_covariance():
         inner = columns.T @ np.linalg.solve(v, columns)
         mean = np.linalg.solve(inner, columns.T @ np.linalg.solve(v, y))
         log = multivariate_normal.logpdf(y, columns @ mean, v)
-        return -2 * log - 30 * np.log(2 * np.pi) + np.linalg.slogdet(inner)[1], mean
+        influence = np.linalg.solve(inner, np.linalg.solve(v, columns).T)
+        deviance = -2 * log - 30 * np.log(2 * np.pi) + np.linalg.slogdet(inner)[1]
+        return deviance, mean, influence
 
     for stds in ((1.0, 0.5, 2.0), (0.3, 0.0, 1.0), (0.7, 1.3, 0.0), (0.01, 1e-4, 30.0)):
-        expected, mean = brute(*stds)
+        expected, mean, influence = brute(*stds)
         assert data.deviance(*np.array(stds)[:, None])[0] == pytest.approx(expected, rel=1e-9)
         matrix = data.products(*np.array(stds)[:, None])[0][0]
         np.testing.assert_allclose(np.linalg.solve(matrix[:2, :2], matrix[:2, 2]), mean, rtol=1e-7)
+        with np.errstate(divide="ignore"):
+            components = Components(data, np.ones(3, bool), np.log(stds))
+        atol = 1e-7 * np.abs(influence).max()
+        np.testing.assert_allclose(components.influence, influence, rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 2), (2, 1, 2), (1, 3, 2), (2, 2, 2), (3, 2, 1)])
