@@ -140,10 +140,13 @@ def _saturated(
     found = [(start, stop + 1) for start, stop in runs_of(flat) if stop + 1 - start >= FLAT]
     if not found:
         return []
+    return [] if noise < LEAST_COUNTS * _count(volts) else found
+
+
+def _count(volts: Signal) -> float:
+    """Return the smallest difference of samples, one count of a coarse converter; 0 without any."""
     levels = np.unique(volts[:RESOLUTION_ROWS])
-    if len(levels) > 1 and noise < LEAST_COUNTS * np.diff(levels).min():
-        return []
-    return found
+    return float(np.diff(levels).min()) if len(levels) > 1 else 0.0
 
 
 def _drop_outs(
@@ -164,10 +167,11 @@ def _drop_outs(
     fastest *= step / rate / channel.scale
     jumps = volts[step:] - volts[:-step]
     highest = max(jumps.max(), -jumps.min())
-    # Before computing the noise of blocks and the median, which are most of the work.
+    # Before computing the resolution, the noise of blocks and the median: most of the work.
     if not highest > max(DROP_OUT_SEED * math.sqrt(2) * unit, fastest):
         return []
-    unit = max(white_noise(volts, step), unit)
+    # The median difference of samples does not show the rounding to a coarse converter's counts.
+    unit = max(white_noise(volts, step), unit, _count(volts) / math.sqrt(12))
     least = max(DROP_OUT_SEED * math.sqrt(2) * unit, fastest)
     if not highest > least:
         return []

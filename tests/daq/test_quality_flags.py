@@ -87,6 +87,20 @@ def test_a_spike_of_one_sample(velocity):
     assert samples(flag, velocity) == (5000, 5001)
 
 
+@pytest.mark.parametrize("noise", [0.0002, 0.002, 0.02])
+@pytest.mark.parametrize("bits", [8, 10, 12])
+def test_rounding_to_few_bits_is_no_drop_out(velocity, bits, noise):
+    """Of an input of +-4 V; but a press has a drop-out of 0.3 ms where the signal is lost."""
+    count = 8.0 / 2**bits
+    for seed in range(4):
+        volts = press(seed=seed, noise=noise)
+        assert find_quality_flags(np.round(volts / count) * count, velocity, RATE) == []
+        volts[5000:5015] = 0.0
+        (flag,) = find_quality_flags(np.round(volts / count) * count, velocity, RATE)
+        assert flag.kind == "drop-out"
+        assert samples(flag, velocity) == (5000, 5015)
+
+
 def test_a_force_has_no_drop_outs(force):
     volts = press()
     volts[5000:5010] += 0.5
