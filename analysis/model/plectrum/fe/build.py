@@ -8,10 +8,13 @@ cut takes one more right side and no iteration.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.cantilever import FRICTION_MAX
 from sautereau.analysis.model.plectrum.fe import solve
@@ -34,9 +37,7 @@ _SIZES = ((3, 4, 5), (3, 7, 6), (4, 12, 7))  # Drags, positions and loads, until
 LOAD_LIMIT = 2.0
 """Largest load f = F L^2 / EI, dimensionless; EI follows from the plectrum's rotation under a small
 load at its tip. A uniform plectrum turns by 56 degrees at this load."""
-STRAIN_LIMIT = 0.2  # Largest strain of the edges at the clamp: limits the load of thick plectra
-
-
+HALVINGS = 4  # Of the largest load, where a thick plectrum finds no equilibrium under it
 DEPTH = 1e-7
 """In lengths, depth of a cut between whose meshes differences are taken. The tangent is that of the
 uncut mesh: bending is so much softer than stretching that at 1e-5 this is 6 % of a derivative."""
@@ -62,8 +63,7 @@ class Solver:
         flexibility = -2 * section_at(self.body.grid, 1.0).rotation_rate(bent)
         self.unit = profile.clamp_thickness**3 / 12
         """Load q = 1, F s^2 over EI at the clamp, in E W L^3."""
-        most = min(LOAD_LIMIT, 2 * STRAIN_LIMIT / profile.clamp_thickness)
-        self.limit = most / flexibility / self.unit
+        self.limit = LOAD_LIMIT / flexibility / self.unit
         """Largest load q."""
 
     def laws(self, places: Floats, loads: Floats, drags: Floats) -> Floats:
@@ -161,16 +161,25 @@ def build(
         # Fibres buckle under a pressure as large as the shear modulus: no equilibrium was found at
         # 1.3 to 1.7 times it. The load q gives the edges at the clamp the strain q h / 2 s.
         most = min(most, 2 * nearest * material.shear / profile.clamp_thickness)
+    for halvings in range(HALVINGS):
+        with suppress(ModelError):
+            return _up_to(most / 2**halvings, solver, nearest)
+    return _up_to(most / 2**HALVINGS, solver, nearest)
+
+
+def _up_to(most: float, solver: Solver, nearest: float) -> tuple[Samples, Rates]:
+    """Return the table for loads q up to a largest one, and its derivatives, as `build` does."""
+    profile, uncut = solver.profile, copy(solver)
+    uncut.cuts = []
     elastica = samples(profile, nearest, most, True)
     ends = ((-FRICTION_MAX, FRICTION_MAX), (0.0, elastica.q_max), (nearest, 1.0))
     found, exact, rates = elastica, None, Rates(np.empty(0))
     for size in _SIZES:
         drags, loads, positions = (nodes(n, *end) for n, end in zip(size, ends, strict=True))
         at = positions, loads, drags
-        solved = solver.laws_and_rates(*at)
+        solved = (solver if exact is None else uncut).laws_and_rates(*at)
         if exact is None:  # the derivatives are smooth enough for the fewest nodes
-            rates, solver.cuts = Rates(solved[1:]), []
-            exact = solver.laws(*elastica.probes)
+            rates, exact = Rates(solved[1:]), uncut.laws(*elastica.probes)
         added = solved[0] - laws(profile, *at, at_surface=True)
         found = replace(elastica, laws=elastica.laws + _spread(added, elastica))
         found = found.checked(exact)

@@ -21,7 +21,7 @@ from sautereau.analysis.model.plectrum.table import Samples, Table
 from sautereau.rig.disk import open_regular, write_durably
 from sautereau.rig.instrument import Plectrum
 
-VERSION = 4  # Version of the stored maps; increase it when mesh, element, load or table change
+VERSION = 5  # Version of the stored maps; increase it when mesh, element, load or table change
 
 _ARRAYS = ("laws", "line", "scales")
 
