@@ -11,15 +11,37 @@ from sautereau.rig.disk import named_text
 from sautereau.rig.document import current_key, rig_document, validated
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import bare_key, model_keys, near_miss, unit_of
+from sautereau.rig.instrument import String
 from sautereau.rig.layers import Layers, read_toml
 from sautereau.rig.schema import Rig
-from sautereau.rig.units import parse_quantity, readable_quantity, shown
+from sautereau.rig.units import Section, parse_quantity, readable_quantity, shown
 
 _LOG = logging.getLogger(__name__)
-USUAL = {  # Unit and range of plectra: other values are asked to be confirmed
-    "youngs_modulus": ("Pa", 0.1e9, 300e9),  # from soft quill to steel
-    "thickness": ("m", 50e-6, 5e-3),  # at the clamp
+USUAL = {
+    "key.press_arm": ("m", 0.01, 1.0),
+    "key.laser_arm": ("m", 0.01, 1.0),
+    "key.jack_arm": ("m", 0.01, 1.0),
+    "key.front_arm": ("m", 0.02, 1.0),
+    "key.inertia": ("kg m^2", 1e-6, 0.1),
+    "key.dip": ("m", 1e-3, 0.03),
+    "jack.mass": ("kg", 0.2e-3, 0.2),
+    "jack.register_friction": ("N", 0.0, 2.0),
+    "jack.string_clearance": ("m", 20e-6, 0.02),
+    "plectrum.length": ("m", 0.5e-3, 0.03),
+    "plectrum.width": ("m", 0.1e-3, 0.02),
+    "plectrum.thickness": ("m", 50e-6, 5e-3),  # at the clamp
+    "plectrum.youngs_modulus": ("Pa", 0.1e9, 300e9),  # from soft quill to steel
+    "plectrum.density": ("kg/m^3", 100.0, 10e3),
+    "plectrum.overlap": ("m", 5e-6, 5e-3),
+    "string.tension": ("N", 0.5, 1e3),
+    "string.length": ("m", 0.03, 3.0),
+    "string.plucking_point": ("m", 2e-3, 1.0),
+    "string.frequency": ("Hz", 10.0, 10e3),
+    "string.diameter": ("m", 50e-6, 3e-3),
 }
+"""Unit and range of values that plucked instruments have: others are asked to be confirmed."""
+PARTS = "key", "jack", "plectrum", "string"
+WIRE = 500.0, 25e3  # kg/m^3, the same of strings: from gut and nylon to overspun metal
 
 
 def load_rig(name: str | Path = "paper") -> Rig:
@@ -88,7 +110,7 @@ def rig_of(layers: Layers) -> Rig:
             )
         raise
     for key, why in _unusual(rig):
-        if key not in layers.assumed and key not in layers.sources:
+        if key not in layers.assumed:
             _LOG.warning("%s: %s", origin, layers.place(key).said(f"{key}: {why}"))
     return rig.model_copy(update={"assumed": ranges, "sources": layers.sources})
 
@@ -135,18 +157,33 @@ def _is_key(key: str) -> bool:
 
 
 def _unusual(rig: Rig) -> Iterator[tuple[str, str]]:
-    """Yield keys whose values no plectrum has, and what is to be done."""
-    plectra = {"plectrum": rig.plectrum}
-    plectra |= {f"more_choirs.{n}.plectrum": c.plectrum for n, c in enumerate(rig.more_choirs)}
-    for (key, plectrum), (name, (unit, low, high)) in product(plectra.items(), USUAL.items()):
-        value = getattr(plectrum, name)
-        if not low <= value <= high:
+    """Yield keys whose values no instrument has, such as those in a wrong unit, and what to do."""
+    tables: list[tuple[str, str, Section]] = [(part, part, getattr(rig, part)) for part in PARTS]
+    for n, choir in enumerate(rig.more_choirs):
+        of = f"more_choirs.{n}"
+        tables += [(of, "key", choir)]
+        tables += [(f"{of}.{part}", part, getattr(choir, part)) for part in PARTS[1:]]
+    for (table, part, section), (key, (unit, low, high)) in product(tables, USUAL.items()):
+        of, name = key.split(".")
+        value = getattr(section, name, None)
+        if of == part and value is not None and not low <= value <= high:
             found, least, most = (readable_quantity(each, unit) for each in (value, low, high))
             yield (
-                f"{key}.{name}",
-                f"{found} is not within {least} to {most}, as those of plectra; correct its unit,"
-                " or confirm it with a source or an assumed range",
+                f"{table}.{name}",
+                f"{found} is not within {least} to {most}, as on plucked instruments; correct its"
+                " unit, or confirm it by its `assumed` range",
             )
+    for table, _, section in tables:
+        # Without a diameter there is only that of the default.
+        if isinstance(section, String) and "diameter" in section.model_fields_set:
+            low, high = WIRE
+            if not low <= section.density <= high:
+                yield (
+                    f"{table}.diameter",
+                    f"tension, length, frequency and diameter make a wire of"
+                    f" {section.density:.3g} kg/m^3, not within {low:.3g} to {high:.3g} kg/m^3;"
+                    " correct what is wrong, or confirm the diameter by its `assumed` range",
+                )
 
 
 def assumed_ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):

@@ -16,6 +16,8 @@ from typing import Any
 
 # As the commands do: other threads of BLAS wait in busy loops, which slows the other workers.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# A server of one test must not be forked into the commands of the next: gRPC's handlers abort then.
+os.environ.setdefault("GRPC_ENABLE_FORK_SUPPORT", "0")
 
 import pytest
 from hypothesis import settings

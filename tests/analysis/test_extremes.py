@@ -59,15 +59,33 @@ def test_a_string_lifted_like_a_rubber_band_is_refused():
     assert predict_many(RIG, one).status.item() == Status.STRING_OUT_OF_RANGE
 
 
-@pytest.mark.parametrize(("value", "warned"), [("2.9 MPa", 1), ("2.9 GPa", 0), ("310 GPa", 1)])
-def test_a_modulus_that_no_plectrum_has_is_to_be_confirmed(value, warned, caplog):
+@pytest.mark.parametrize(
+    ("key", "value", "named"),
+    [
+        ("youngs_modulus", "2.9 MPa", "plectrum.youngs_modulus"),
+        ("youngs_modulus", "2.9 GPa", None),
+        ("youngs_modulus", "310 GPa", "plectrum.youngs_modulus"),
+        ("jack_arm", "2.15 m", "key.jack_arm"),
+        ("mass", "6 kg", "jack.mass"),
+        ("string_clearance", "1.944 m", "jack.string_clearance"),
+        ("tension", "66.95 kN", "string.tension"),
+        ("tension", "0.67 N", "string.diameter"),
+        ("frequency", "36.5 Hz", "string.diameter"),
+        ("diameter", "0.031 mm", "string.diameter"),
+    ],
+)
+def test_a_value_that_no_instrument_has_is_to_be_confirmed(key, value, named, caplog):
+    """By a range, since a source stays where the value beside it is changed."""
     text, *_ = named_text("paper", "sautereau.rig", "rig", RigError)
-    text = re.sub(r"youngs_modulus = .*", f'youngs_modulus = "{value}"', text)
-    parse_rig(text)
-    assert sum("confirm it with a source" in r.getMessage() for r in caplog.records) == warned
-    caplog.clear()
-    confirmed = re.sub(
-        r"youngs_modulus = .*", f'youngs_modulus = {{ value = "{value}", source = "me" }}', text
-    )
-    parse_rig(confirmed)
-    assert not caplog.records
+
+    def warned(given):
+        caplog.clear()
+        parse_rig(re.sub(rf"^{key} = .*", f"{key} = {given}", text, flags=re.MULTILINE))
+        return {each.getMessage().split(": ")[2] for each in caplog.records}
+
+    of_source = warned(f'{{ value = "{value}", source = "me" }}')
+    assert (named in of_source) if named else not of_source
+    confirmed = warned(f'{{ value = "{value}", assumed = ["{value}", "{value}"] }}')
+    assert confirmed == of_source - {
+        f"{table}.{key}" for table in ("plectrum", "key", "jack", "string")
+    }
