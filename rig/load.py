@@ -44,7 +44,7 @@ USUAL = {
 }
 """Unit and range of values that plucked instruments have: others are asked to be confirmed."""
 PARTS = "key", "jack", "plectrum", "string"
-WIRE = 500.0, 25e3  # kg/m^3, the same of strings: from gut and nylon to overspun metal
+WIRE = 200.0, 50e3  # kg/m^3, the same of strings: a fifth of gut, twice overspun metal
 
 
 def load_rig(name: str | Path = "paper") -> Rig:

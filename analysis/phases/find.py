@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError, MissingSignalError
@@ -253,8 +252,9 @@ def _spikes(force: Floats, signals: Signals) -> Floats:
     if not len(force):
         return force
     # What is narrower than three samples at half its force is a spike.
-    least = sliding_window_view(np.pad(force, 2, mode="edge"), 3).min(axis=1)
-    lasting = sliding_window_view(least, 3).max(axis=1)
+    wide = np.pad(force, 2, mode="edge")
+    least = np.minimum(np.minimum(wide[:-2], wide[1:-1]), wide[2:])
+    lasting = np.maximum(np.maximum(least[:-2], least[1:-1]), least[2:])
     high = force - lasting > np.maximum(SPIKE * signals.force_noise, force / 2)
     found, spread = np.full(len(force), -np.inf), signals.settings.spread
     for at in np.flatnonzero(high):

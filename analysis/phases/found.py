@@ -232,9 +232,9 @@ def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, floa
     if waves.size:
         basis, _ = np.linalg.qr(columns)
         left = load - basis @ (basis.T @ load)
-        beside = waves - basis @ (basis.T @ waves)
         # The reduction of the sum of squares by a cosine and a sine, which are nearly orthogonal.
-        reduction = np.abs(left @ beside) ** 2 / np.sum(np.abs(beside) ** 2, axis=0)
+        beside = len(t) - np.sum(np.abs(basis.T @ waves) ** 2, axis=0)
+        reduction = np.abs(left @ waves) ** 2 / beside
         best = waves[:, np.argmax(reduction)]
         columns = np.column_stack([columns, np.real(best), np.imag(best)])
     # The slopes without one part of the rows each (jackknife; B. Efron, The Annals of Statistics 7
