@@ -154,7 +154,8 @@ class SawTeeth:
         smooth = self.slow.smooth(terms.reshape(len(u), -1))
         columns = smooth.reshape(len(self.load), -1, 3) @ self._mixed
         for order, std in enumerate(self._derivatives, 1):
-            columns[..., order] = std * self.slow.smooth(terms @ self._bends, order)
+            if std:
+                columns[..., order] = std * self.slow.smooth(terms @ self._bends, order)
         return self.weight[:, None, None] * columns
 
     def solved(self, plucks: Floats) -> Solved:
@@ -213,9 +214,9 @@ class SawTeeth:
         rows, known = len(self.load), len(self._left)
         change = np.zeros((len(solved.residuals), plucks.size))
         for order, part in enumerate((of_force, *np.moveaxis(of_derivatives, -1, 0))):
-            change[:rows] += self.slow.smooth(
-                (part[..., None] * by_ends).reshape(len(u), -1), order
-            )
+            if order == 0 or self._derivatives[order - 1]:
+                part = (part[..., None] * by_ends).reshape(len(u), -1)
+                change[:rows] += self.slow.smooth(part, order)
         change[:rows] *= self.weight[:, None]
         change[:known] -= self.base @ (self.base.T @ change[:known])
         small = 0.2e-3  # s, of a difference quotient
