@@ -228,7 +228,8 @@ def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, floa
     turns = frequencies * (t[-1] - t[0])
     # At least three periods, and three blocks of each.
     rings = frequencies[(turns > 3) & (turns < len(t) / 3)]
-    waves = np.exp(2j * np.pi * np.outer(t, rings))
+    step = np.exp(2j * np.pi * rings * (t[-1] - t[0]) / max(1, len(t) - 1))
+    waves = np.cumprod(np.tile(step, (len(t), 1)), axis=0)
     if waves.size:
         basis, _ = np.linalg.qr(columns)
         left = load - basis @ (basis.T @ load)

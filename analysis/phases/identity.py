@@ -102,7 +102,7 @@ def _ways(
                     taken = [k for row in rows for k in members[row]]
                     if len(set(taken)) < len(taken):
                         continue
-                    covariance = np.kron(np.ones((number, number)), shared)
+                    covariance = np.tile(shared, (number, number))
                     for k, (pluck, row) in enumerate(zip(each, rows, strict=True)):
                         block = slice(k * count, (k + 1) * count)
                         covariance[block, block] += variations[row, :count, :count] + noise[pluck]
