@@ -225,6 +225,8 @@ class Observed:
     """m, standard uncertainties of the first jack's rise there; shape (releases,)."""
     release_speeds: Floats
     """m/s, speed of the first jack there; shape (releases,)."""
+    release_std: float
+    """s, standard uncertainty of the only release; 0 if there are others, or it was set by hand."""
     smooth_time: Floats
     """s after the trigger, times of `smooth_force`; shape (m,)."""
     smooth_force: Floats
@@ -333,6 +335,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     known = [p for p in phases.plucks if p.string]
     releases = np.array([p.release for p in known], float)
     stds = np.array([p.release_std for p in known], float)
+    by_hand = phases.fit is not None and phases.fit.model == "by hand"
     angles = np.interp(releases, press.time, angle)
     speeds = np.interp(releases, time, smooth(press.samples["jack_speed"]))
     phase = np.where(motion.velocity < 0, BACK, FREE).astype(np.int8)
@@ -357,6 +360,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         release_angles=angles,
         release_stds=np.hypot(stds * speeds, RISE_STD),
         release_speeds=speeds,
+        release_std=0.0 if by_hand or len(phases.plucks) != 1 else phases.plucks[0].release_std,
         smooth_time=time,
         smooth_force=pushed,
         lagged_force=_lagged(pushed, press.rate)[at],

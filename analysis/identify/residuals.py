@@ -22,11 +22,11 @@ MODEL_STD = 5e-4
 """Accuracy of the model, divided by the largest force. Without it, small errors of the model would
 be attributed to the calibrations if the recordings have no noise."""
 NOT_OF_STRINGS = {
-    *(parameters.SLIDING, parameters.LATE_SLIDING, parameters.RELEASE, parameters.FINGERTIP),
+    *(parameters.SLIDING, parameters.LATE_SLIDING, parameters.RELEASE),
     *("key.gravity_moment", "key.pivot_coulomb_friction", "key.pivot_viscous_friction"),
     "jack.register_friction",
 }  # Parameters that affect neither the strings' forces nor the bending of the key
-NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, "key.inertia", "jack.mass"}  # And if the key is rigid
+NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, parameters.FINGERTIP, "key.inertia", "jack.mass"}
 CACHED_POINTS = 3  # Points whose string forces are kept: most derivatives do not change them
 ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and cloth
 
@@ -197,7 +197,12 @@ class InverseDynamics:
 
 def _inertia_over_arm(rig: Rig) -> float:
     """Return the inertia [kg m] of key and jacks, divided by the finger's lever arm."""
-    return moving_inertia(rig) / rig.key.press_arm
+    return moving_inertia(rig) / _finger_arm(rig)
+
+
+def _finger_arm(rig: Rig) -> float:
+    """Return the finger's lever arm on the way down [m], with the friction of its tip."""
+    return rig.key.press_arm + rig.arm.fingertip_friction * rig.key.surface_height
 
 
 @dataclass(frozen=True)
@@ -291,7 +296,7 @@ def _state(
     risen = [rise_of_angle(string.key, angle) for string in strings]
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
     inertia, gain = moving_inertia(rig), values.get(parameters.FORCE_GAIN, 1.0)
-    bending = elastic.Bending(modes, press, lag, gain, key.press_arm, inertia)
+    bending = elastic.Bending(modes, press, lag, gain, _finger_arm(rig), inertia)
     bent, rise = np.zeros((3, len(angle))), np.zeros(len(angle))
     before = pushing = np.zeros((len(strings), len(angle)))
     for iteration in range(1 + ITERATIONS * bool(modes or cloth)):

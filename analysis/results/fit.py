@@ -43,7 +43,7 @@ from sautereau.analysis.text import (
 )
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
-from sautereau.rig.document import rig_document
+from sautereau.rig.document import current_key, rig_document
 from sautereau.rig.edit import edit_rig, edited_text
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import parse_rig
@@ -101,12 +101,12 @@ class Fit(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about doubtful results."""
-        more = doubtful_presses(self.warned)
+        more = []
         if self.mixed:
             more.append(f"fitted together, although the presses differ in {', '.join(self.mixed)}")
         if not self.simulated and self.found.contact_warning:
             more.append(self.found.contact_warning)
-        return (*self.found.warnings, *more)
+        return (*doubtful_presses(self.warned), *self.found.warnings, *more)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -143,7 +143,8 @@ class Fit(Result):
         Args:
             every: Whether to add the table of the fixed numbers' effects.
         """
-        found = self.found
+        found, doubts = self.found, any(self.warned)
+        warnings = [f"warning: {warning}" for warning in self.warnings]
         lines = [
             *([SOME_SIMULATED] * self.simulated),
             f"rig {found.rig.name}, plectrum model {found.level}, fitted to"
@@ -160,6 +161,7 @@ class Fit(Result):
                 ["no rigid key fits, with other delays, gains or a drift of the force"]
                 * bool(found.modes)
             ),
+            *warnings[:doubts],
             _quality_line(found.quality),
             *(f"  {reason}" for reason in found.quality.reasons),
             *(_suggestion_line(suggestion) for suggestion in found.suggested),
@@ -189,7 +191,7 @@ class Fit(Result):
             ]
         if every:
             lines += _table(found)
-        return lines + [f"warning: {warning}" for warning in self.warnings]
+        return lines + warnings[doubts:]
 
     @property
     def values(self) -> dict[str, Any]:
@@ -363,10 +365,14 @@ def _also_lines(found: Identified) -> list[str]:
     shown = [
         a
         for a in found.also_fitted
-        if a.name in reported or (a.unaided and a.std is not None and a.unaided < 2 * a.std)
+        if a.name in reported
+        or current_key(a.name) not in found.rig.assumed
+        or (a.unaided and a.std is not None and a.unaided < 2 * a.std)
     ]
     stated = [
-        f"{a.name} {_stated(a)} (rig: {quantity_in_rig(a.rig_value, a.unit)})"
+        f"{a.name} {_stated(a)} (rig: {quantity_in_rig(a.rig_value, a.unit)}"
+        + ", without a range" * (current_key(a.name) not in found.rig.assumed)
+        + ")"
         + ", reported because it differs from the rig's" * (a.name in reported)
         for a in shown
     ]

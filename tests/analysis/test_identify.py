@@ -471,7 +471,7 @@ def test_the_intervals_contain_the_calibrations_and_the_table_shows_each(two, fo
     assert gain.stated
     # Dry friction of the register at its arm is dry friction of the pivot.
     register = table["jack.register_friction"].effects["key.pivot_coulomb_friction"]
-    pivot = 1.4e-3
+    pivot = by_name(found)["key.pivot_coulomb_friction"].value
     change = table["jack.register_friction"].change
     assert register == pytest.approx(-change * 0.215 / pivot, rel=0.05)
     assert table["plectrum.friction"].effects["plectrum.overlap"] < -0.05
