@@ -19,6 +19,7 @@ from sautereau.analysis.identify.identified import (
     profile,
 )
 from sautereau.analysis.identify.information import IDENTIFIABLE
+from sautereau.analysis.identify.observed import coupled_force
 from sautereau.analysis.identify.parameters import CONTACT, rig_numbers, rig_values, values_of_rig
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.results.prediction import Predicted, predicted
@@ -58,6 +59,7 @@ NOTHING_SUGGESTED = (
     f"  nothing is suggested: freeing a fixed number, lengths and tension apart, would reduce the"
     f" weighted sum of squares by less than {SUGGESTED:g}, or give an impossible value"
 )
+PRESS_ARM = "key.press_arm"
 TOGETHER = 2  # Number of results in one table of effects, which then fits into 80 columns
 COLUMNS = (
     *("name", "unit", "value", "std", "std_noise", "std_inputs", "low", "high", "rig_value"),
@@ -170,6 +172,7 @@ class Fit(Result):
             "  std: standard uncertainty from the noise, from gains, delays, priors and assumed"
             " ranges (inputs), and in total",
             *_also_lines(found),
+            *_exact_lines(found),
             *(line for estimate in found.estimates for line in _needed_lines(estimate)),
         ]
         if not found.quality.fits:
@@ -381,6 +384,21 @@ def _also_lines(found: Identified) -> list[str]:
             f"{counted(others, 'number')} with an assumed range, of which the recordings say little"
         )
     return [f"also fitted, without being requested: {'; '.join(stated)}"] if stated else []
+
+
+def _exact_lines(found: Identified) -> list[str]:
+    """Return what is taken as exact, and has no sign in an AC-coupled force, which lacks its level.
+
+    It scales all moments of the finger, as a gain of the force does.
+    """
+    known = {*found.rig.assumed, *(e.name for e in found.estimates)}
+    if coupled_force(found.rig) is None or PRESS_ARM in known:
+        return []
+    arm = quantity_in_rig(found.rig.key.press_arm, "m")
+    return [
+        f"{PRESS_ARM}, {arm} without a range, counts as exact: stiffness, inertia and frictions are"
+        " at least as wrong as it is, in %, and an AC-coupled force shows no sign of it"
+    ]
 
 
 def _profile_line(likely: Profile, found: Identified) -> str:

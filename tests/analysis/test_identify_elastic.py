@@ -169,7 +169,9 @@ def test_a_friction_of_the_register_stated_too_large_is_found():
     fitted = values["key.pivot_coulomb_friction"] + register.value * choir.arm
     assert fitted == pytest.approx(dry, rel=0.2)
     assert values["key.inertia"] == pytest.approx(inertia_of(made), rel=0.02)
-    assert "rig: 20 mN, without a range" in str(Fit(pressed[0].rig, False, (), None, found))
+    text = str(Fit(pressed[0].rig, False, (), None, found))
+    assert "rig: 20 mN, without a range" in text
+    assert "key.press_arm, 171 mm without a range, counts as exact" in text
 
 
 @pytest.mark.slow
