@@ -41,7 +41,7 @@ TABLE = (
     *COMPLIANT[:3],
     *("key bends at 220 Hz", *COMPLIANT[3:], "transducer rings at 1 kHz", "plectrum friction 0.2"),
 )
-"""Conditions of the table that `python -m benchmarks.identify` prints."""
+"""Conditions of the table that this module prints as a command."""
 RANDOM = range(100, 110)  # Benches of the independent simulator with every factor drawn
 LIMIT, COVERED = 0.05, 0.88
 """Dimensionless: largest error of a result that is reported as identifiable, by a model that fits;
