@@ -16,7 +16,12 @@ from sautereau.analysis.identify.elastic import Bending, Mode, mode_parameters, 
 from sautereau.analysis.identify.fit import inverse_dynamics
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.observed import SUBSTEPS
-from sautereau.analysis.identify.parameters import FINGERTIP, FORCE_GAIN, value_of
+from sautereau.analysis.identify.parameters import (
+    FINGERTIP,
+    FORCE_GAIN,
+    VELOCITY_GAIN,
+    value_of,
+)
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.results.fit import Fit
 
@@ -154,6 +159,14 @@ def test_friction_of_the_fingertip_acts_like_a_gain_of_the_force_before_the_rele
     residuals = made.joined(rubbing)
     assert residuals == pytest.approx(made.joined(gained), abs=1e-9)
     assert np.abs(residuals - made.joined(start)).max() > 1e-3
+
+
+def test_a_gain_does_not_move_the_key_onto_its_felt():
+    """Its force was a kink of the residual, at which a gain stuck, with hardly an uncertainty."""
+    made = inverse_dynamics(*recorded(NOMINAL, range(1, 2), {}, **STATED), FREE)
+    point = np.array([p.start * (1.2 if p.name == VELOCITY_GAIN else 1.0) for p in made.free])
+    deep = made.on(made.rig.replaced({"key.dip": 20e-3}))
+    assert made.joined(point) == pytest.approx(deep.joined(point), abs=1e-12)
 
 
 def test_a_friction_of_the_register_stated_too_large_is_found():
