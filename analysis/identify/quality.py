@@ -33,9 +33,7 @@ REPEATED_MAX = 0.5
 """Largest allowed ratio of the repeated part of the residual to the other part, or to the noise at
 rest. A repeated part widens the intervals."""
 REPEATED_STDS = 3.0  # Standard deviations of the repeated part that are allowed in addition
-SLOW_FALL = 0.2e-3
-"""Standard uncertainty of releases above which the force does not fall at once (s). On rigid keys
-of the independent simulator it is at most 0.1 ms, and 0.28 ms where the force falls in 4 ms."""
+SLOW_FALL = 0.2e-3  # s, of a release; rigid keys have up to 0.1 ms, a fall within 4 ms has 0.28
 PRIOR_MAX = 3.0  # Standard uncertainties by which a fitted calibration may differ from the rig's
 HOW = {
     TIME: "free it, or correct the delays of the channels",

@@ -54,7 +54,8 @@ class InverseDynamics:
         self.unusable = tuple(unusable)
         self._states: dict[tuple[float, ...], _State] = {}
         self._known_slopes: tuple[Floats, Floats] | None = None
-        self._nominal, self._record = _inertia_over_arm(rig), elastic.shortest_record(presses)
+        self._nominal = moving_inertia(rig) / _finger_arm(rig)
+        self._record = elastic.shortest_record(presses)
         rows = [np.stack([*p.motion, p.lagged_force, p.slide])[:, p.used] for p in self.presses]
         *motion, self._lagged, self._slide = np.concatenate(rows, axis=1)
         self._motion = Motion(*motion)
@@ -82,8 +83,9 @@ class InverseDynamics:
     @property
     def noise(self) -> float | None:
         """N, RMS residual caused by noise at rest, for the rig's inertia; None without a rest."""
-        noises = [p.noise.of_load(self._nominal) for p in self.presses if p.noise is not None]
-        return float(np.sqrt(np.mean(np.square(noises)))) if noises else None
+        noises = [p.noise for p in self.presses if p.noise is not None]
+        parts = [(n.slow_force, n.fast_of_load(self._nominal)) for n in noises]
+        return float(np.linalg.norm(parts) / len(parts) ** 0.5) if parts else None
 
     def residuals(self, point: Floats) -> tuple[list[Floats], Floats]:
         """Return measured minus modelled values.
@@ -107,7 +109,7 @@ class InverseDynamics:
         sliding = values.get(parameters.SLIDING, 0.0), values.get(parameters.LATE_SLIDING, 0.0)
         strings, modes = _strings(rig, held, self.level, values), elastic.modes_of(values)
         # Of the measured acceleration on the measured force.
-        inertia = _inertia_over_arm(rig) * gain / force_gain
+        inertia = moving_inertia(rig) / _finger_arm(rig) * gain / force_gain
         amplified = elastic.noise_gain(modes, self._record)
         state = self._state(rig, strings, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
@@ -195,11 +197,6 @@ class InverseDynamics:
         if len(self._states) > CACHED_POINTS:
             self._states.pop(next(iter(self._states)))
         return found
-
-
-def _inertia_over_arm(rig: Rig) -> float:
-    """Return the inertia [kg m] of key and jacks, divided by the finger's lever arm."""
-    return moving_inertia(rig) / _finger_arm(rig)
 
 
 def _finger_arm(rig: Rig) -> float:
