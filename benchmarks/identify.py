@@ -37,6 +37,11 @@ COMPLIANT = (
     *("jack on cloth of 400 kN/m", "jack on cloth of 60 kN/m", "soft pad"),
 )
 """Conditions of the independent simulator with one soft part or none."""
+TABLE = (
+    *COMPLIANT[:3],
+    *("key bends at 220 Hz", *COMPLIANT[3:], "transducer rings at 1 kHz", "plectrum friction 0.2"),
+)
+"""Conditions of the table that this module prints as a command."""
 RANDOM = range(100, 110)  # Benches of the independent simulator with every factor drawn
 LIMIT, COVERED = 0.05, 0.88
 """Dimensionless: largest error of a result that is reported as identifiable, by a model that fits;
@@ -241,3 +246,22 @@ def figures_of(what: str, found: Outcomes) -> list[Figure]:
                 Figure(f"{at}: largest error of these", worst, "1", "limit", LIMIT),
             ]
     return figures
+
+
+def one_factor_rows(names: Iterable[str] = TABLE) -> Iterator[str]:
+    """Yield the rows of the table of docs/identification.md: verdict and errors of each bench."""
+    for name in names:
+        pressed, phases, truth = one_factor_case(name)
+        found = identify(pressed, phases, FREE, starts=1)
+        errors, covered, claimed, fits = judged(found, truth)
+        modes = f"{len(found.modes)} mode{'s' * (len(found.modes) > 1)}" if found.modes else "rigid"
+        cells = [f"fits, {modes}" if fits else "does not fit"]
+        for error, held, sure in zip(errors, covered, claimed, strict=True):
+            text = f"{100 * error:.1f} %{'' if held else ' outside'}"
+            cells.append("-" if not fits else text if sure else f"({text})")
+        yield f"| {name} | {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    for row in one_factor_rows():
+        print(row, flush=True)

@@ -124,19 +124,11 @@ class Noise:
     acceleration: float
     """rad/s^2, of the key's angular acceleration."""
 
-    def of_load(self, inertia: float) -> float:
-        """Return the RMS [N] of the force residual of a rigid key that this noise causes.
+    def fast_of_load(self, inertia: float, gain: float = 1.0) -> float:
+        """Return the RMS [N] of the force residual that noise causes, without its slow part.
 
         Args:
             inertia: kg m, inertia of the key with its jacks divided by the finger's lever arm.
-        """
-        return float(np.hypot(self.slow_force, self.fast_of_load(inertia)))
-
-    def fast_of_load(self, inertia: float, gain: float = 1.0) -> float:
-        """Return the RMS [N] of its fast part, which hum and offset do not explain.
-
-        Args:
-            inertia: As for `of_load`.
             gain: Amplification of the fast force by the elastic modes.
         """
         return float(np.hypot(gain * self.fast_force, inertia * self.acceleration))
@@ -225,6 +217,8 @@ class Observed:
     """m, standard uncertainties of the first jack's rise there; shape (releases,)."""
     release_speeds: Floats
     """m/s, speed of the first jack there; shape (releases,)."""
+    release_std: float
+    """s, standard uncertainty of the only release; 0 if there are others, or if set by hand."""
     smooth_time: Floats
     """s after the trigger, times of `smooth_force`; shape (m,)."""
     smooth_force: Floats
@@ -331,6 +325,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     motion = Motion(*(values[at] for values in every))
     rest = force[: max(1, round(REST_TIME * press.rate))].mean()
     known = [p for p in phases.plucks if p.string]
+    by_hand = phases.fit is not None and phases.fit.model == "by hand"
     releases = np.array([p.release for p in known], float)
     stds = np.array([p.release_std for p in known], float)
     angles = np.interp(releases, press.time, angle)
@@ -357,6 +352,7 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         release_angles=angles,
         release_stds=np.hypot(stds * speeds, RISE_STD),
         release_speeds=speeds,
+        release_std=0.0 if by_hand or len(phases.plucks) != 1 else float(stds.sum()),
         smooth_time=time,
         smooth_force=pushed,
         lagged_force=_lagged(pushed, press.rate)[at],

@@ -32,6 +32,7 @@ FINGERTIP = "arm.fingertip_friction"
 WIDTH = "plectrum.width"
 CLEARANCE = "jack.string_clearance"
 INERTIA = "key.inertia"
+DRY_FRICTIONS = "key.pivot_coulomb_friction", "jack.register_friction"
 CONTACT = "plectrum.contact"
 # Errors of the measurement.
 TIME = "offset.time"  # Delay of the force after the motion (s)
@@ -438,6 +439,10 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
     )
     if plectrum_is_free and rig.plectrum.contact == "surface":
         found.append(hidden(FRICTION, rig.plectrum.friction, FRICTION_STD, ENDS[FRICTION]))
+    if not set(DRY_FRICTIONS).isdisjoint(names):
+        # Only their sum is identifiable: at the bound of the free one a gain would take up the rest
+        stated = {n: value_of(rig, n) for n in DRY_FRICTIONS if n not in rig.assumed}
+        found += [_hidden(n, v, v, unit_of_parameter(n), least=0.0) for n, v in stated.items() if v]
     found = [parameter for parameter in found if parameter.name not in names]
     for error in deviations(rig, unfitted(rig, [*names, *(p.name for p in found)])):
         name, value = error.name, value_of(rig, error.name)

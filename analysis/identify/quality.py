@@ -16,6 +16,7 @@ from sautereau.analysis.identify.parameters import (
     CALIBRATIONS,
     FORCE,
     FORCE_GAIN,
+    MODE,
     TIME,
     VELOCITY_GAIN,
 )
@@ -32,6 +33,7 @@ REPEATED_MAX = 0.5
 """Largest allowed ratio of the repeated part of the residual to the other part, or to the noise at
 rest. A repeated part widens the intervals."""
 REPEATED_STDS = 3.0  # Standard deviations of the repeated part that are allowed in addition
+SLOW_FALL = 0.2e-3  # s, of a release; rigid keys have up to 0.1 ms, a fall within 4 ms has 0.28
 PRIOR_MAX = 3.0  # Standard uncertainties by which a fitted calibration may differ from the rig's
 HOW = {
     TIME: "free it, or correct the delays of the channels",
@@ -124,6 +126,12 @@ def judged(good: Quality, fitted: Fit) -> Quality:
             f" standard uncertainties {'above' if rises[worst] > 0 else 'below'} the model's: fit"
             " presses of one plectrum and one set-up (sautereau compare says what changes), and"
             " check that release in a plot of the phases"
+        )
+    slow = min(press.release_std for press in presses)
+    if slow > SLOW_FALL and not any(p.name.startswith(MODE) for p in fitted.problem.free):
+        first.append(
+            f"the releases are known to {slow * 1e3:.2g} ms only, but a string's force falls"
+            " at once on a rigid key: check them in a plot of the phases"
         )
     if FORCE in fitted.instead:
         reasons.append(

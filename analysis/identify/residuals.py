@@ -22,11 +22,11 @@ MODEL_STD = 5e-4
 """Accuracy of the model, divided by the largest force. Without it, small errors of the model would
 be attributed to the calibrations if the recordings have no noise."""
 NOT_OF_STRINGS = {
-    *(parameters.SLIDING, parameters.LATE_SLIDING, parameters.RELEASE, parameters.FINGERTIP),
+    *(parameters.SLIDING, parameters.LATE_SLIDING, parameters.RELEASE),
     *("key.gravity_moment", "key.pivot_coulomb_friction", "key.pivot_viscous_friction"),
     "jack.register_friction",
 }  # Parameters that affect neither the strings' forces nor the bending of the key
-NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, "key.inertia", "jack.mass"}  # And if the key is rigid
+NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, parameters.FINGERTIP, "key.inertia", "jack.mass"}
 CACHED_POINTS = 3  # Points whose string forces are kept: most derivatives do not change them
 ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and cloth
 
@@ -54,7 +54,8 @@ class InverseDynamics:
         self.unusable = tuple(unusable)
         self._states: dict[tuple[float, ...], _State] = {}
         self._known_slopes: tuple[Floats, Floats] | None = None
-        self._nominal, self._record = _inertia_over_arm(rig), elastic.shortest_record(presses)
+        self._nominal = moving_inertia(rig) / _finger_arm(rig)
+        self._record = elastic.shortest_record(presses)
         rows = [np.stack([*p.motion, p.lagged_force, p.slide])[:, p.used] for p in self.presses]
         *motion, self._lagged, self._slide = np.concatenate(rows, axis=1)
         self._motion = Motion(*motion)
@@ -82,8 +83,9 @@ class InverseDynamics:
     @property
     def noise(self) -> float | None:
         """N, RMS residual caused by noise at rest, for the rig's inertia; None without a rest."""
-        noises = [p.noise.of_load(self._nominal) for p in self.presses if p.noise is not None]
-        return float(np.sqrt(np.mean(np.square(noises)))) if noises else None
+        noises = [p.noise for p in self.presses if p.noise is not None]
+        parts = [(n.slow_force, n.fast_of_load(self._nominal)) for n in noises]
+        return float(np.linalg.norm(parts) / len(parts) ** 0.5) if parts else None
 
     def residuals(self, point: Floats) -> tuple[list[Floats], Floats]:
         """Return measured minus modelled values.
@@ -107,7 +109,7 @@ class InverseDynamics:
         sliding = values.get(parameters.SLIDING, 0.0), values.get(parameters.LATE_SLIDING, 0.0)
         strings, modes = _strings(rig, held, self.level, values), elastic.modes_of(values)
         # Of the measured acceleration on the measured force.
-        inertia = _inertia_over_arm(rig) * gain / force_gain
+        inertia = moving_inertia(rig) / _finger_arm(rig) * gain / force_gain
         amplified = elastic.noise_gain(modes, self._record)
         state = self._state(rig, strings, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
@@ -132,7 +134,9 @@ class InverseDynamics:
     def _bench(self, point: Floats) -> tuple[dict[str, float], Rig, list[Choir]]:
         """Return the values of the parameters by name, the rig with them, and its choirs."""
         values = dict(zip((p.name for p in self.free), point.tolist(), strict=True))
-        rig = parameters.with_parameters(self.rig, values)
+        # The felt is excluded, but a gain may move a key onto it: the residual would have a kink.
+        felt = {"key.felt_stiffness": 0.0, "key.felt_damping": 0.0}
+        rig = parameters.with_parameters(self.rig, values | felt)
         friction = rig.plectrum.friction - self.rig.plectrum.friction
         first, *others = choirs(rig)
         further = [_further(c, k, values, friction) for k, c in enumerate(others, 2)]
@@ -195,9 +199,9 @@ class InverseDynamics:
         return found
 
 
-def _inertia_over_arm(rig: Rig) -> float:
-    """Return the inertia [kg m] of key and jacks, divided by the finger's lever arm."""
-    return moving_inertia(rig) / rig.key.press_arm
+def _finger_arm(rig: Rig) -> float:
+    """Return the finger's lever arm on the way down [m], with the friction of its tip."""
+    return rig.key.press_arm + rig.arm.fingertip_friction * rig.key.surface_height
 
 
 @dataclass(frozen=True)
@@ -291,7 +295,7 @@ def _state(
     risen = [rise_of_angle(string.key, angle) for string in strings]
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
     inertia, gain = moving_inertia(rig), values.get(parameters.FORCE_GAIN, 1.0)
-    bending = elastic.Bending(modes, press, lag, gain, key.press_arm, inertia)
+    bending = elastic.Bending(modes, press, lag, gain, _finger_arm(rig), inertia)
     bent, rise = np.zeros((3, len(angle))), np.zeros(len(angle))
     before = pushing = np.zeros((len(strings), len(angle)))
     for iteration in range(1 + ITERATIONS * bool(modes or cloth)):

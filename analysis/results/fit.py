@@ -19,6 +19,7 @@ from sautereau.analysis.identify.identified import (
     profile,
 )
 from sautereau.analysis.identify.information import IDENTIFIABLE
+from sautereau.analysis.identify.observed import coupled_force
 from sautereau.analysis.identify.parameters import CONTACT, rig_numbers, rig_values, values_of_rig
 from sautereau.analysis.identify.quality import Quality
 from sautereau.analysis.results.prediction import Predicted, predicted
@@ -43,7 +44,7 @@ from sautereau.analysis.text import (
 )
 from sautereau.rig import schema
 from sautereau.rig.disk import write_durably
-from sautereau.rig.document import rig_document
+from sautereau.rig.document import current_key, rig_document
 from sautereau.rig.edit import edit_rig, edited_text
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import parse_rig
@@ -58,6 +59,7 @@ NOTHING_SUGGESTED = (
     f"  nothing is suggested: freeing a fixed number, lengths and tension apart, would reduce the"
     f" weighted sum of squares by less than {SUGGESTED:g}, or give an impossible value"
 )
+PRESS_ARM = "key.press_arm"
 TOGETHER = 2  # Number of results in one table of effects, which then fits into 80 columns
 COLUMNS = (
     *("name", "unit", "value", "std", "std_noise", "std_inputs", "low", "high", "rig_value"),
@@ -101,12 +103,12 @@ class Fit(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about doubtful results."""
-        more = doubtful_presses(self.warned)
+        more = []
         if self.mixed:
             more.append(f"fitted together, although the presses differ in {', '.join(self.mixed)}")
         if not self.simulated and self.found.contact_warning:
             more.append(self.found.contact_warning)
-        return (*self.found.warnings, *more)
+        return (*doubtful_presses(self.warned), *self.found.warnings, *more)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -143,7 +145,8 @@ class Fit(Result):
         Args:
             every: Whether to add the table of the fixed numbers' effects.
         """
-        found = self.found
+        found, doubts = self.found, any(self.warned)
+        warnings = [f"warning: {warning}" for warning in self.warnings]
         lines = [
             *([SOME_SIMULATED] * self.simulated),
             f"rig {found.rig.name}, plectrum model {found.level}, fitted to"
@@ -160,6 +163,7 @@ class Fit(Result):
                 ["no rigid key fits, with other delays, gains or a drift of the force"]
                 * bool(found.modes)
             ),
+            *warnings[:doubts],
             _quality_line(found.quality),
             *(f"  {reason}" for reason in found.quality.reasons),
             *(_suggestion_line(suggestion) for suggestion in found.suggested),
@@ -168,6 +172,7 @@ class Fit(Result):
             "  std: standard uncertainty from the noise, from gains, delays, priors and assumed"
             " ranges (inputs), and in total",
             *_also_lines(found),
+            *_exact_lines(found),
             *(line for estimate in found.estimates for line in _needed_lines(estimate)),
         ]
         if not found.quality.fits:
@@ -189,7 +194,7 @@ class Fit(Result):
             ]
         if every:
             lines += _table(found)
-        return lines + [f"warning: {warning}" for warning in self.warnings]
+        return lines + warnings[doubts:]
 
     @property
     def values(self) -> dict[str, Any]:
@@ -363,10 +368,14 @@ def _also_lines(found: Identified) -> list[str]:
     shown = [
         a
         for a in found.also_fitted
-        if a.name in reported or (a.unaided and a.std is not None and a.unaided < 2 * a.std)
+        if a.name in reported
+        or current_key(a.name) not in found.rig.assumed
+        or (a.unaided and a.std is not None and a.unaided < 2 * a.std)
     ]
     stated = [
-        f"{a.name} {_stated(a)} (rig: {quantity_in_rig(a.rig_value, a.unit)})"
+        f"{a.name} {_stated(a)} (rig: {quantity_in_rig(a.rig_value, a.unit)}"
+        + ", without a range" * (current_key(a.name) not in found.rig.assumed)
+        + ")"
         + ", reported because it differs from the rig's" * (a.name in reported)
         for a in shown
     ]
@@ -375,6 +384,21 @@ def _also_lines(found: Identified) -> list[str]:
             f"{counted(others, 'number')} with an assumed range, of which the recordings say little"
         )
     return [f"also fitted, without being requested: {'; '.join(stated)}"] if stated else []
+
+
+def _exact_lines(found: Identified) -> list[str]:
+    """Return what is taken as exact, and has no sign in an AC-coupled force, which lacks its level.
+
+    It scales all moments of the finger, as a gain of the force does.
+    """
+    known = {*found.rig.assumed, *(e.name for e in found.estimates)}
+    if coupled_force(found.rig) is None or PRESS_ARM in known:
+        return []
+    arm = quantity_in_rig(found.rig.key.press_arm, "m")
+    return [
+        f"{PRESS_ARM}, {arm} without a range, counts as exact: stiffness, inertia and frictions are"
+        " at least as wrong as it is, in %, and an AC-coupled force shows no sign of it"
+    ]
 
 
 def _profile_line(likely: Profile, found: Identified) -> str:

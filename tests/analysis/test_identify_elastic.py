@@ -8,16 +8,25 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks.identify import FREE, RESULTS, one_factor_case
-from benchmarks.independent import FORCE
+from benchmarks.independent import FORCE, press
+from benchmarks.simulated import judged_press
 from benchmarks.uncertain import NOMINAL, inertia_of, recorded
-from sautereau.analysis.identify.elastic import Bending, Mode, noise_gain
+from sautereau.analysis.identify.compliant import compliant
+from sautereau.analysis.identify.elastic import Bending, Mode, mode_parameters, noise_gain
+from sautereau.analysis.identify.fit import inverse_dynamics
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.observed import SUBSTEPS
-from sautereau.analysis.identify.parameters import value_of
+from sautereau.analysis.identify.parameters import (
+    FINGERTIP,
+    FORCE_GAIN,
+    VELOCITY_GAIN,
+    value_of,
+)
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.results.fit import Fit
 
 ARM, INERTIA = 0.17, 8e-4
+STATED = {"inertia": 7e-4, "coulomb": 1e-3}  # What the rigs say of the fitted numbers
 
 
 def test_a_mode_follows_its_equation_from_its_state_at_the_lift():
@@ -92,7 +101,7 @@ def test_plectrum_and_inertia_are_identified_on_a_compliant_key(name, frequency)
 def test_a_wrong_calibration_or_lever_is_named_and_taken_for_no_mode(wrong, force, named):
     """Each left a residual of four times the noise, which up to three modes explained."""
     made = replace(NOMINAL, force=replace(FORCE, **force), **wrong)
-    pressed, phases = recorded(made, range(1, 3), {}, inertia=7e-4, coulomb=1e-3)
+    pressed, phases = recorded(made, range(1, 3), {}, **STATED)
     found = identify(pressed, phases, FREE, starts=1)
     assert found.modes == ()
     assert not found.quality.fits
@@ -115,7 +124,7 @@ def test_a_tapered_plectrum_is_taken_for_no_mode_and_its_shape_named():
     """The rig says that it is uniform: two modes explained what only the held string leaves."""
     choir = replace(NOMINAL.choirs[0], carving=((0.0, 1.0), (1.0, 0.5)))
     made = replace(NOMINAL, choirs=(choir,), force=replace(FORCE, high_pass=0.0), speed=0.03)
-    pressed, _ = recorded(made, range(1, 4), {}, inertia=7e-4, coulomb=1e-3)
+    pressed, _ = recorded(made, range(1, 4), {}, **STATED)
     pressed = [replace(p, rig=p.rig.replaced({"plectrum.outline": None})) for p in pressed]
     found = identify(pressed, [find_phases(p) for p in pressed], FREE, starts=1)
     assert not found.quality.fits
@@ -130,11 +139,73 @@ def test_presses_of_two_plectra_are_named():
         choir = NOMINAL.choirs[0]
         choir = replace(choir, modulus=factor * choir.modulus, modulus_factor=factor)
         made = replace(NOMINAL, choirs=(choir,), speed=0.05)
-        pressed += recorded(made, range(1, 3), {}, inertia=7e-4, coulomb=1e-3)[0]
+        pressed += recorded(made, range(1, 3), {}, **STATED)[0]
     pressed = [replace(p, rig=pressed[0].rig) for p in pressed]
     found = identify(pressed, [find_phases(p) for p in pressed], FREE, starts=1)
     assert not found.quality.fits
     assert "presses of one plectrum" in found.quality.reasons[0]
+
+
+def test_friction_of_the_fingertip_acts_like_a_gain_of_the_force_before_the_release():
+    """In the weights of the residuals and the bending of the key as well."""
+    made = compliant(inverse_dynamics(*recorded(NOMINAL, range(1, 2), {}, **STATED), FREE))
+    assert made is not None
+    mode = mode_parameters(0, Mode(200.0, 0.05, 0.5, -0.6, -0.6))
+    made = made.with_free([*made.free, *mode])
+    names, start = [p.name for p in made.free], np.array([p.start for p in made.free])
+    rubbing, gained, key = start.copy(), start.copy(), made.rig.key
+    rubbing[names.index(FINGERTIP)] = 0.3
+    gained[names.index(FORCE_GAIN)] = 1 + 0.3 * key.surface_height / key.press_arm
+    residuals = made.joined(rubbing)
+    assert residuals == pytest.approx(made.joined(gained), abs=1e-9)
+    assert np.abs(residuals - made.joined(start)).max() > 1e-3
+
+
+def test_a_gain_does_not_move_the_key_onto_its_felt():
+    """Its force was a kink of the residual, at which a gain stuck, with hardly an uncertainty."""
+    made = inverse_dynamics(*recorded(NOMINAL, range(1, 2), {}, **STATED), FREE)
+    point = np.array([p.start * (1.2 if p.name == VELOCITY_GAIN else 1.0) for p in made.free])
+    deep = made.on(made.rig.replaced({"key.dip": 20e-3}))
+    assert made.joined(point) == pytest.approx(deep.joined(point), abs=1e-12)
+
+
+def test_a_friction_of_the_register_stated_too_large_is_found():
+    """No friction of the pivot fits: the gain of the force took up the rest."""
+    choir = replace(NOMINAL.choirs[0], register_friction=8e-3)
+    made = replace(NOMINAL, choirs=(choir,), return_speed=0.04, speed=0.05)
+    pressed, phases = recorded(made, range(1, 3), {}, **STATED)
+    found = identify(pressed, phases, FREE, starts=1)
+    assert found.quality.fits
+    (register,) = (e for e in found.also_fitted if e.name == "jack.register_friction")
+    dry = made.pivot_coulomb + choir.register_friction * choir.arm
+    values = {e.name: e.value for e in found.estimates}
+    fitted = values["key.pivot_coulomb_friction"] + register.value * choir.arm
+    assert fitted == pytest.approx(dry, rel=0.2)
+    assert values["key.inertia"] == pytest.approx(inertia_of(made), rel=0.02)
+    text = str(Fit(pressed[0].rig, False, (), None, found))
+    assert "rig: 20 mN, without a range" in text
+    assert "key.press_arm, 171 mm without a range, counts as exact" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fall", [0.0, 4e-3])
+def test_a_force_that_falls_slowly_before_the_release_does_not_fit(fall):
+    """The force of a worn tip falls within 4 ms, and the overlap was 17 % too small."""
+    made = []
+    for seed in (1, 2):
+        one = press(NOMINAL, seed)
+        end = one.truth.plucks[0].release
+        part = np.clip((one.times - end) / fall + 1, 0.0, 1.0) if fall else np.zeros(len(one.times))
+        lost = one.truth.load[0] * part**2 * (3 - 2 * part) * NOMINAL.choirs[0].arm
+        volts = one.force_volts - lost / NOMINAL.press_arm / NOMINAL.force.scale
+        made.append(judged_press(replace(one, force_volts=volts), {"plectrum.contact": "surface"}))
+    phases = [find_phases(p) for p in made]
+    found = identify(made, phases, FREE, starts=1)
+    assert found.quality.fits == (fall == 0)
+    if fall:
+        assert "at once on a rigid key" in found.quality.reasons[0]
+    doubted = str(Fit(made[0].rig, False, (), None, found, warned=(True, True)))
+    assert doubted.index("doubtful in 2 of 2 presses") < doubted.index(found.quality.verdict)
 
 
 @pytest.mark.slow

@@ -86,7 +86,8 @@ def test_noise_at_rest_is_that_of_the_rest_without_what_is_flagged():
     assert found is not None
     assert found.fast_force == pytest.approx(2e-3, rel=0.06)
     assert found.slow_force == pytest.approx(3e-3 / np.sqrt(2), rel=0.06)
-    assert found.of_load(0.01) == pytest.approx(np.sqrt(4e-6 + 4.5e-6 + 1e-6), rel=0.05)
+    fast = found.fast_of_load(0.01)
+    assert np.hypot(found.slow_force, fast) == pytest.approx(np.sqrt(9.5e-6), rel=0.05)
     assert found.fast_of_load(0.01, 2.0) == pytest.approx(np.sqrt(16e-6 + 1e-6), rel=0.05)
     assert noise_at_rest(rate, time, force, motion, time < 5e-3) is None
 
