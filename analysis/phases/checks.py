@@ -84,6 +84,24 @@ def about_fit(
     return found
 
 
+def about_sign(signals: Signals, begin: int, end: int, peak: float) -> list[Remark]:
+    """Return a warning if the finger seems to pull the key down.
+
+    Its mean force on the way down, from `begin` to `end`, is then more negative than any positive
+    force (`peak`, N) is large.
+    """
+    way = slice(begin, end + 1)
+    work = float(np.trapezoid(signals.force[way], signals.rise[way]))
+    if work >= -peak * float(np.ptp(signals.rise[way])):
+        return []
+    text = (
+        f"the force on the way down is negative, {signals.force[way].min():.3g} N at most, and a"
+        " finger cannot pull: the force transducer has the wrong sign; invert it at its amplifier,"
+        " or import with `--invert force`"
+    )
+    return [Remark(text)]
+
+
 def _unexplained(fit: Fit) -> str:
     """Return how much of the load a poor fit leaves, with the limit."""
     if fit.model == "compliant":
