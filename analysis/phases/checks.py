@@ -221,7 +221,7 @@ def about_rig(
     planned, driven, settings = press.rig.press, press.motion is not None, strings.settings
     rise = float(signals.rise.max())
     scale = "the scale of the velocity, `key.laser_arm` and `[press]`"
-    rail = "where the key meets its front rail (`key.dip`), "
+    rail = "where the finger meets the key and the key its front rail (`key.dip`), "
     of_rise = rise / planned.jack_rise
     wrong = not 0.5 < of_rise < 2  # a finger of any speed goes about as far: a wrong scale or unit
     said = [
