@@ -337,10 +337,10 @@ def _another_instrument(own: Rig, rig: Rig) -> tuple[str, ...]:
         first = first or f"{key} = {_shown(key, value)}, recorded {_shown(key, recorded.get(key))}"
     if not tables:
         return ()
+    count = f"{len(tables)} value{'s' * (len(tables) > 1)}"
     return (
-        f"the rig {rig.name} is not that of the recordings, {own.name}: values of"
-        f" {', '.join(dict.fromkeys(tables))} differ beyond the ranges ({len(tables)}), such as"
-        f" {first}",
+        f"the rig {rig.name} is not that of the recordings, {own.name}: it has {count} of"
+        f" {', '.join(dict.fromkeys(tables))} beyond the ranges, such as {first}",
     )
 
 
