@@ -84,8 +84,11 @@ def validation_faults(
     """
     place, faults = place or in_text(""), []
     errors = error.errors(include_url=False)
+    refused = {item["loc"][:n] for item in errors for n in range(len(item["loc"]))}
     for item in errors[:MOST_FAULTS]:
         location = list(item["loc"])
+        if item["type"] == "too_short" and item["loc"] in refused:
+            continue  # pydantic counts the entries that it accepts
         key = ".".join(map(str, location))
         if item["type"] == "value_error":
             for fault in str(item.get("ctx", {})["error"]).split("\n"):

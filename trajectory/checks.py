@@ -33,6 +33,7 @@ from sautereau.trajectory.segments import (
 )
 
 MOVE_BASE = "move arm.base_x or arm.base_z"
+IN_FELT = "lower press.jack_rise: the key would reach its felt"
 SLOWER_PRESS = (
     "lower press.jack_speed, press.run_up_acceleration, run_up_jerk or run_down_acceleration"
 )
@@ -169,7 +170,8 @@ def loads(rig: Rig, sampled: Sampled, expected: Expectation | None) -> list[Chec
     peaks = [_peak(free[..., j]) for j in (0, 1)]
     if expected is not None:
         peaks = _loaded(rig, sampled, free, expected)
-    how_to_fix = f"{SLOWER_PRESS}, or {MOVE_BASE}"
+    felt = _depth(rig, sampled.angle).max() > rig.key.dip
+    how_to_fix = IN_FELT if felt else f"{SLOWER_PRESS}, or {MOVE_BASE}"
     return [
         at_most(f"joint {j + 1} torque", peaks[j], rig.arm.torque_limit, "N*m", how_to_fix)
         for j in (0, 1)
@@ -222,7 +224,7 @@ def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
             max(depth.max() + _bend(depth), 0.0),
             key.dip,
             "m",
-            "lower press.jack_rise: the key would reach its felt",
+            IN_FELT,
         ),
         at_most(
             "depth of the key after a stop",
@@ -231,7 +233,7 @@ def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
             "m",
             "lower press.jack_speed or jack_rise, or raise arm.acceleration_limit",
         ),
-        at_least("joints after a stop", spare, 0.0, "rad", MOVE_BASE),
+        at_least("joint margin after a stop", spare, 0.0, "rad", MOVE_BASE),
     ]
 
 

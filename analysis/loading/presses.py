@@ -175,7 +175,8 @@ def _end_by_key(press: Press) -> int | None:
     first = int(np.argmax(path > high))
     back = first + int(np.argmax(path[first:] < LOW / HIGH * high))
     again = back + int(np.argmax(path[back:] > high))
-    return back + int(np.argmin(path[back:again])) + 1 if first < back < again else None
+    moved = high >= HIGH * LEAST["velocity"]  # otherwise it is noise
+    return back + int(np.argmin(path[back:again])) + 1 if moved and first < back < again else None
 
 
 def _end_by_force(press: Press) -> int | None:

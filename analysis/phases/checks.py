@@ -84,6 +84,24 @@ def about_fit(
     return found
 
 
+def about_sign(signals: Signals, begin: int, end: int, peak: float) -> list[Remark]:
+    """Return a warning if the finger seems to pull the key down.
+
+    Its mean force on the way down, from `begin` to `end`, is then more negative than any positive
+    force (`peak`, N) is large.
+    """
+    way = slice(begin, end + 1)
+    work = float(np.trapezoid(signals.force[way], signals.rise[way]))
+    if work >= -peak * float(np.ptp(signals.rise[way])):
+        return []
+    text = (
+        f"the force on the way down is negative, {signals.force[way].min():.3g} N at most, and a"
+        " finger cannot pull: the force transducer has the wrong sign; invert it at its amplifier,"
+        " or import with `--invert force`"
+    )
+    return [Remark(text)]
+
+
 def _unexplained(fit: Fit) -> str:
     """Return how much of the load a poor fit leaves, with the limit."""
     if fit.model == "compliant":
@@ -203,7 +221,7 @@ def about_rig(
     planned, driven, settings = press.rig.press, press.motion is not None, strings.settings
     rise = float(signals.rise.max())
     scale = "the scale of the velocity, `key.laser_arm` and `[press]`"
-    rail = "where the key meets its front rail (`key.dip`), "
+    rail = "where the finger meets the key and the key its front rail (`key.dip`), "
     of_rise = rise / planned.jack_rise
     wrong = not 0.5 < of_rise < 2  # a finger of any speed goes about as far: a wrong scale or unit
     said = [

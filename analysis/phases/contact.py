@@ -372,10 +372,15 @@ def find_contact(
     low, high = before[0], float(held.time[-2])
     # So many resolve the bend at the contact.
     times, noise = np.linspace(low, high, 21), 1.0
-    found = fit.at(times, noise)
-    best = int(np.argmin(found.chi2))
-    middle, std = float(times[best]), 0.0
-    ends = times[max(best - 1, 0)], times[min(best + 1, 20)]
+    chi2 = np.pad(fit.at(times, noise).chi2, 1, constant_values=np.inf)
+    # The narrow well of the contact may lie between two instants, and that of the run-up be wider.
+    wells = np.flatnonzero((chi2[1:-1] < chi2[:-2]) & (chi2[1:-1] <= chi2[2:]))
+    around, depths = [_beside(times, int(well)) for well in wells], [0.0]
+    if len(around) > 1:
+        finer = [_beside(near, int(np.argmin(fit.at(near, noise).chi2))) for near in around]
+        depths = [float(fit.at(near, noise).chi2.min()) for near in finer]
+    near = around[int(np.argmin(depths))]
+    ends, middle, std = (near[0], near[-1]), float(near[5]), 0.0
     for _ in range(8):
         times = np.linspace(*ends, 11)
         found = fit.at(times, noise)
@@ -415,6 +420,11 @@ def find_contact(
     return Contact(
         middle, std, gain, force, noise, found.residual, inertia=found.inertia, force_std=force_std
     )
+
+
+def _beside(times: Floats, i: int) -> Floats:
+    """Return 11 instants from the one before the i-th to the one after it."""
+    return np.linspace(times[max(i - 1, 0)], times[min(i + 1, len(times) - 1)], 11)
 
 
 def _lowest(score: Floats) -> float:

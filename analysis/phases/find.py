@@ -120,7 +120,8 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
     cruise, top = float(np.quantile(speed[begin:end], 0.65)), float(signals.rise.max())
     unlike = [] if known else checks.about_rig(press, signals, cruise, found.fit, plucks, strings)
     held = [] if known else checks.held_at_top(signals, begin, plucks, strings)
-    said = [
+    inverted = [] if signals.missing else checks.about_sign(signals, begin, end, highest)
+    said = inverted or [
         *unlike,
         *checks.about_end(signals, begin, held, strings),
         *of_level,
@@ -150,7 +151,7 @@ def phases_in(press: Press, signals: Signals, find: Finder) -> Phases:
         peak_force=highest,
         unseen_force=unseen,
         fit=found.fit,
-        missed=tuple((growth.contact, growth.release) for growth in found.further),
+        missed=tuple((growth.contact, growth.release) for growth in found.further if not inverted),
         remarks=remarks,
         unlike_rig=divided(unlike)[0],
     )

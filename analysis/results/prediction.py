@@ -119,6 +119,7 @@ class Predicted(Result):
             axes.hist(draws * scale, bins=24)
             axes.axvline(own.value * scale, color="black")
             axes.set(xlabel=QUANTITIES[own.name].title, ylabel="draws")
+            axes.locator_params("x", nbins=5)
         return shown(figure)
 
 

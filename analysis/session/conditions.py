@@ -339,8 +339,8 @@ def _another_instrument(own: Rig, rig: Rig) -> tuple[str, ...]:
         return ()
     count = f"{len(tables)} value{'s' * (len(tables) > 1)}"
     return (
-        f"the rig {rig.name} is not that of the recordings, {own.name}: {count} of"
-        f" {', '.join(dict.fromkeys(tables))} differ beyond the ranges, such as {first}",
+        f"the rig {rig.name} is not that of the recordings, {own.name}: it has {count} of"
+        f" {', '.join(dict.fromkeys(tables))} beyond the ranges, such as {first}",
     )
 
 

@@ -103,8 +103,9 @@ class Limits:
             return ""
         return (
             f"{' and '.join(off)} its target, more than arm.position_tolerance,"
-            f" {self._angle(self.tolerance)}; check that nothing holds or pushes the arm, raise the"
-            " gains of its position loops, or raise arm.position_tolerance"
+            f" {self._angle(self.tolerance)}; check that nothing holds or pushes the arm, such as a"
+            " key that is higher than in the rig (`sautereau setup contact`), raise the gains of"
+            " its position loops, or raise arm.position_tolerance"
         )
 
     def check_at(self, actual: Counts, target: Counts) -> None:

@@ -42,7 +42,8 @@ def health_of(press: AnalysedPress, first: AnalysedPress | None = None) -> Healt
         text = (
             f"the key did not follow the finger: the jack rose by {rise:.3g} mm of"
             f" {motion.max():.3g} mm{'' if math.isnan(force) else f', with at most {force:.3g} N'};"
-            " free the jack if the key is down, otherwise check the vibrometer's aim and sign"
+            " free the jack if the key is down, otherwise check the vibrometer's aim, sign and"
+            " input, and daq.trigger_edge"
         )
         return Health(text, valid=False)
     # The mean force on the way down is more negative than any positive force is large.

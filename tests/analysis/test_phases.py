@@ -204,6 +204,21 @@ def test_a_vibrometer_of_the_wrong_sign_gives_a_warning(make_press):
     assert " 0 mm" in phases.warnings[0]
 
 
+def test_noise_of_a_key_at_rest_is_no_further_press(make_press):
+    noise = np.random.default_rng(1).standard_normal(60_000)
+    press = make_press.build(5e-5 * noise, np.zeros(60_000), 51_200.0)
+    assert first_press(press) is press
+
+
+@pytest.mark.parametrize("slope", [0, 30])
+def test_a_force_of_the_wrong_sign_gives_one_warning(make_press, slope):
+    press = make_press(**NOISY, slope=slope)
+    velocity, force = (press.data[name].to_numpy() for name in ("velocity", "force"))
+    phases = find_phases(make_press.build(velocity, -force, press.rate))
+    assert "the force transducer has the wrong sign" in phases.warnings[0]
+    assert phases.plucks == phases.warnings[1:] == phases.missed == ()
+
+
 @pytest.mark.parametrize(
     ("first", "rows"),
     [

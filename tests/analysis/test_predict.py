@@ -1,10 +1,13 @@
 """The model's prediction of a complete press."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
 from sautereau.analysis.errors import ModelError
+from sautereau.analysis.model.modal_pluck import modal_pluck
 from sautereau.analysis.model.predict import predict, rig_pluck
 from sautereau.analysis.model.string.string import release_speed
 from sautereau.rig.load import with_values
@@ -145,6 +148,25 @@ def test_a_string_of_no_material_is_named(paper):
     (warning,) = predict(paper.replaced({"string.tension": 669.5})).warnings
     assert warning.startswith("string 1: tension")
     assert "7.9e+04 kg/m^3" in warning
+
+
+@pytest.mark.parametrize("speed", [0.072, 0.15, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("frequency", [365, 110])
+def test_a_string_that_its_inertia_holds_back_is_named(paper, speed, frequency):
+    """The string of modes gives the errors, which are within the warning's, or small without it.
+
+    The slower string is as much longer, of the same tension and wire.
+    """
+    values = {"string.frequency": f"{frequency} Hz", "string.length": f"{167.9 / frequency} m"}
+    rig = with_values(paper, values | {"press.jack_speed": f"{speed} m/s"})
+    static, moving = predict(rig), modal_pluck(rig)
+    duration = abs(moving.release / (static.release - static.contact) - 1)
+    lift = abs(moving.displacement[-1, 1] / static.release_lift - 1)
+    limits = 0.03, 0.06
+    if warnings := static.warnings:
+        limits = [float(x) / 100 for x in re.findall(r"([0-9.]+) %", warnings[0])]
+    assert bool(warnings) == (speed >= 0.3)
+    assert (duration <= limits[0], lift <= limits[1]) == (True, True)
 
 
 @pytest.mark.parametrize("slope", [-0.15e-3, 0.15e-3])

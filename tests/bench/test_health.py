@@ -70,7 +70,7 @@ def test_a_key_that_sinks_is_named(pressed):
     ("quantity", "said"),
     [
         ("force", "the force transducer has the wrong sign; invert it at its amplifier"),
-        slow("velocity", "check the vibrometer's aim and sign"),
+        slow("velocity", "check the vibrometer's aim, sign and input"),
     ],
 )
 def test_a_sensor_of_the_wrong_sign_is_named_after_the_first_press(pressed, quantity, said):
@@ -89,7 +89,7 @@ def test_a_key_that_stays_down_and_a_drifting_force_are_named(pressed):
     assert not down.valid
     assert "the jack rose by 0.0001 mm of 10 mm, with at most 0.2 N" in down.reason
     assert "free the jack" in down.reason
-    assert "vibrometer's aim and sign" in down.reason
+    assert "vibrometer's aim, sign and input" in down.reason
     assert "drifted from" in health_of(changed(rest_force=0.5, peak_force=0.7), press).reason
     assert health_of(changed(rest_force=None, full_rise=None, end_rise=None)).reason == ""
 

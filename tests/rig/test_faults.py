@@ -214,6 +214,14 @@ def test_faults_of_a_channel_are_readable(changed, old, new, message):
     assert all(len(line) < 300 for line in str(raised.value).split("\n"))
 
 
+def test_faults_of_all_channels_are_no_fault_of_the_list(changed):
+    """Pydantic adds that the list is too short without the refused ones."""
+    with pytest.raises(RigError) as raised:
+        changed(('sensor = "Polytec', 'senor = "P'), ('sensor = "B&K', 'senor = "B'))
+    assert str(raised.value).startswith("bench.toml: 4 faults\n")
+    assert "after validation" not in str(raised.value)
+
+
 def test_an_empty_file_lists_what_is_missing():
     with pytest.raises(RigError) as raised:
         parse_rig("", "empty.toml")

@@ -154,7 +154,7 @@ def brute(rig, plan, expected=None):
         "clearance of the elbow": elbow.min(),
         "depth of the key": _depth(rig, x, z),
         "depth of the key after a stop": _depth(rig, stop_x, stop_z),
-        "joints after a stop": spare,
+        "joint margin after a stop": spare,
         "cruise speed error": true_cruise_error(rig, plan),
         "segments, with the end": 1 + max(map(len, (plan.approach, plan.segments, plan.retreat))),
     }

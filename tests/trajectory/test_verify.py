@@ -218,7 +218,7 @@ def test_stops_decelerate_each_joint_independently(bench):
     assert not deep.holds
     assert deep.value == pytest.approx(found[deep.name], rel=0.06)
     assert deep.value >= found[deep.name] > values["depth of the key"].value * 1.3
-    spare = values["joints after a stop"]
+    spare = values["joint margin after a stop"]
     assert spare.value <= found[spare.name] + 1e-9
     assert spare.value == pytest.approx(found[spare.name], abs=1e-2)
 

@@ -100,7 +100,7 @@ def _signals(daq: Daq, volts: Mapping[str, Floats], of: str) -> tuple[Floats, Fl
 
 def _found(response: TapResponse) -> Found:
     count, highest = response.taps, response.highest
-    lines = [f"tap: {count} taps; {len(response.modes)} modes of the key up to {highest:.0f} Hz"]
+    lines = [f"tap: {count} taps; modes of the key up to {highest:.0f} Hz: {len(response.modes)}"]
     if response.cut:
         lines.append(f"not used: {response.cut} taps that the ends of a recording cut off")
     lines += [
