@@ -11,7 +11,6 @@ from sautereau.rig.disk import named_text
 from sautereau.rig.document import current_key, rig_document, validated
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import bare_key, model_keys, near_miss, unit_of
-from sautereau.rig.instrument import String
 from sautereau.rig.layers import Layers, read_toml
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import Section, parse_quantity, readable_quantity, shown
@@ -44,7 +43,6 @@ USUAL = {
 }
 """Unit and range of values that plucked instruments have: others are asked to be confirmed."""
 PARTS = "key", "jack", "plectrum", "string"
-WIRE = 200.0, 50e3  # kg/m^3, the same of strings: a fifth of gut, twice overspun metal
 
 
 def load_rig(name: str | Path = "paper") -> Rig:
@@ -176,17 +174,6 @@ def _unusual(rig: Rig) -> Iterator[tuple[str, str]]:
                 f"{found} is not within {least} to {most}, as on plucked instruments; correct its"
                 " unit, or confirm it by its `assumed` range",
             )
-    for table, _, section in tables:
-        # Without a diameter there is only that of the default.
-        if isinstance(section, String) and "diameter" in section.model_fields_set:
-            low, high = WIRE
-            if not low <= section.density <= high:
-                yield (
-                    f"{table}.diameter",
-                    f"tension, length, frequency and diameter make a wire of"
-                    f" {section.density:.3g} kg/m^3, not within {low:.3g} to {high:.3g} kg/m^3;"
-                    " correct what is wrong, or confirm the diameter by its `assumed` range",
-                )
 
 
 def assumed_ranges(assumed: dict[str, tuple[Any, Any]], values: dict[str, Any]):
