@@ -195,6 +195,27 @@ def test_strings_released_at_once_are_said_where_the_rig_has_one(key):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("later", [-2e-3, -1e-3, 1e-3, 2e-3])
+@pytest.mark.parametrize("overlap", [0.15e-3, 0.2e-3])
+def test_a_string_that_the_rig_lacks_is_said_where_both_are_one_pluck(key, later, overlap):
+    base = ONE_FACTOR[key]
+    both = with_strings(base, {}, second(base, later, overlap=overlap))
+    pressed, phases = found_in(both, strings=base)
+    assert len(pressed.truth.plucks) == 2
+    assert any("string" in warning for warning in phases.warnings)
+
+
+@pytest.mark.parametrize(("speed", "hum"), [(0.06, 20e-3), slow(0.1, 26e-3), slow(0.1, 43e-3)])
+def test_hum_is_no_string(speed, hum):
+    """The load of a key that heaves with hum is explained better by two strings than by one."""
+    base = replace(ONE_FACTOR["key heaves at 120 Hz"], speed=speed)
+    _, phases = found_in(of_channel(base, "force", hum=hum))
+    assert len(phases.plucks) == 1
+    assert not any("another string" in warning for warning in phases.warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", KEYS)
 @pytest.mark.parametrize("later", [3e-3, 20e-3])
 def test_a_string_more_or_less_than_in_the_rig_is_said(key, later):
     base = ONE_FACTOR[key]
