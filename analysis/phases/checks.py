@@ -46,9 +46,10 @@ def about_fit(
     if held and not plucks:
         return []
     if fit.verdict == "poor" and not plucks:
+        where = ": " + ", and ".join(climbs) if climbs else ""
         text = (
-            f"no pluck was found, but {_unexplained(fit)}: {', and '.join(climbs)}; plot the"
-            " phases, and check the strings and the clearance in the rig"
+            f"no pluck was found, but {_unexplained(fit)}{where}; plot the phases, and check the"
+            " strings and the clearance in the rig"
         )
         return [Remark(text)]
     for growth, climb in zip(further, climbs, strict=True):
@@ -157,6 +158,18 @@ def about_likeness(
             )
             found.append(Remark(text, (i,)))
     return found
+
+
+def about_stops(signals: Signals, stops: Sequence[float]) -> list[Remark]:
+    """Return warnings about obstacles that stop the key at times [s]."""
+    return [
+        Remark(
+            f"at {time * 1e3:.5g} ms, {np.interp(time, signals.time, signals.rise) * 1e3:.2f} mm of"
+            " rise, an obstacle stops the key, and no string is released; check where the key"
+            " meets its front rail (`key.dip`)"
+        )
+        for time in stops
+    ]
 
 
 def about_strings(plucks: Sequence[HeldString], strings: Expected) -> list[Remark]:

@@ -11,9 +11,11 @@ import pytest
 
 from benchmarks.independent import ONE_FACTOR, Conditions, press, random_conditions
 from benchmarks.independent.conditions import rig_values
-from benchmarks.simulated import judged_press
+from benchmarks.simulated import judged_press, simulated_press
 from sautereau.analysis.phases import find_phases
 from sautereau.daq.file.recorded import Event
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.scene import load_scene
 from tests.budget import slow
 
 pytest.importorskip("numba")  # without it the independent simulator takes half a minute a press
@@ -191,6 +193,19 @@ def test_strings_released_at_once_are_said_where_the_rig_has_one(key):
     assert np.ptp([pluck.release for pluck in pressed.truth.plucks]) < 0.2e-3
     assert len(phases.plucks) == 1
     assert any(FORCE in warning and "at once" in warning for warning in phases.warnings)
+
+
+@pytest.mark.parametrize("dip", ["2.4 mm", slow("2.6 mm"), slow("2.9 mm"), slow("3 mm")])
+def test_an_obstacle_is_no_release(dip):
+    """A rail of the stand-in, on which the force climbs and the key stops."""
+    truth = {"key.dip": dip, "key.felt_stiffness": "150 kN/m"}
+    scene = load_scene("paper").model_copy(update={"truth": truth})
+    recorded, happened = simulated_press(load_rig("paper"), scene)
+    phases = find_phases(recorded)
+    released = np.array([event.time for event in happened.release_events])
+    assert all(np.abs(pluck.release - released).min(initial=1.0) < 1e-3 for pluck in phases.plucks)
+    stopped = any("an obstacle stops the key" in warning for warning in phases.warnings)
+    assert stopped or phases.plucks
 
 
 @pytest.mark.slow
