@@ -221,7 +221,7 @@ def _bottomed(signals: Signals, begin: int, plucks: list[HeldString]) -> float |
 def _stopped(signals: Signals, release: float) -> bool:
     """Return whether an obstacle stops the key at a time [s], at which the load collapses.
 
-    A release frees the key, which goes on.
+    After a release the key continues.
     """
     after = min(STOP, float(signals.time[-1]) - release)
     times = release + np.array([-STOP, 0.0, after])
