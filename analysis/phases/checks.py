@@ -67,7 +67,7 @@ def about_fit(
                 f"{climb}, {held_there if meanwhile else 'and no pluck was found there'}; plot the"
                 " phases, and check the number of strings in the rig"
             )
-        # What one string does not explain of the load, its force may exclude to be another one.
+        # A force that one string explains makes another one unlikely.
         likely = growth.odds + max(meanwhile.values(), default=0.0) > LIKELY
         found.append(Remark(text, doubt=not expects and likely))
     if fit.verdict == "poor":
