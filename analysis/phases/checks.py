@@ -16,6 +16,11 @@ from sautereau.analysis.remark import Remark
 from sautereau.daq.signals.quality_flags import HOW_TO_FIX, QualityFlag, quality_warnings
 from sautereau.rig.acquisition import Channel
 
+TWICE = 0.5
+"""Logarithm of the force per rise of two strings held at once over that of one: together they are
+held for longer than one. Two are likelier from half of it on."""
+LIKELY = math.log(0.95 / 0.05)  # Logarithm of the odds above which another string is a warning
+
 
 def about_fit(
     signals: Signals,
@@ -41,26 +46,30 @@ def about_fit(
     if held and not plucks:
         return []
     if fit.verdict == "poor" and not plucks:
+        where = ": " + ", and ".join(climbs) if climbs else ""
         text = (
-            f"no pluck was found, but {_unexplained(fit)}: {', and '.join(climbs)}; plot the"
-            " phases, and check the strings and the clearance in the rig"
+            f"no pluck was found, but {_unexplained(fit)}{where}; plot the phases, and check the"
+            " strings and the clearance in the rig"
         )
         return [Remark(text)]
     for growth, climb in zip(further, climbs, strict=True):
         expects = unlike_the_rig(signals, growth.contact, growth.release, growth.force, strings)
         text = f"{climb}, unlike {expects}: no pluck"
+        meanwhile = {
+            name: _per_rise(signals, pluck, strings)[-1]
+            for name, pluck in zip(pluck_names(plucks), plucks, strict=True)
+            if pluck.contact < growth.release and growth.contact < pluck.release
+        }
         if not expects:
-            meanwhile = " and ".join(
-                name
-                for name, pluck in zip(pluck_names(plucks), plucks, strict=True)
-                if pluck.contact < growth.release and growth.contact < pluck.release
-            )
-            found_there = f"while {meanwhile} is held: another string may be held at the same time"
+            who = " and ".join(meanwhile)
+            held_there = f"while {who} is held: another string may be held at the same time"
             text = (
-                f"{climb}, {found_there if meanwhile else 'and no pluck was found there'}; plot the"
+                f"{climb}, {held_there if meanwhile else 'and no pluck was found there'}; plot the"
                 " phases, and check the number of strings in the rig"
             )
-        found.append(Remark(text, doubt=not expects))
+        # A force that one string explains makes another one unlikely.
+        likely = growth.odds + max(meanwhile.values(), default=0.0) > LIKELY
+        found.append(Remark(text, doubt=not expects and likely))
     if fit.verdict == "poor":
         text = (
             f"the key rings and bends, or the rig is of another instrument: {_unexplained(fit)}, so"
@@ -169,6 +178,18 @@ def about_likeness(
     return found
 
 
+def about_stops(signals: Signals, stops: Sequence[float]) -> list[Remark]:
+    """Return warnings about obstacles that stop the key at times [s]."""
+    return [
+        Remark(
+            f"at {time * 1e3:.5g} ms, {np.interp(time, signals.time, signals.rise) * 1e3:.2f} mm of"
+            " rise, an obstacle stops the key, and no string is released; check where the key"
+            " meets its front rail (`key.dip`)"
+        )
+        for time in stops
+    ]
+
+
 def about_strings(plucks: Sequence[HeldString], strings: Expected) -> list[Remark]:
     """Return remarks on plucks whose string is not known, and on strings held at once."""
     names = pluck_names(plucks)
@@ -242,22 +263,13 @@ def about_rig(
         limits = 1 / 1.5, settings.force
         said.append(_differs(limits, "the inertia of key and jacks", fit.inertia, fix))
     fix = "the scale of the force, the plectrum, and whether several strings are released at once"
+    limits = 1 / settings.force, settings.force
     for i, held in enumerate(plucks):
-        drop, who = max(held.force_drop, LEAST_FORCE), f"{_who(i, plucks)}the force drop"
-        nearest = int(np.argmin(np.abs(strings.force_deviations(drop))))
-        row = strings.numbers.index(held.string) if held.string else nearest
-        ends = np.interp([held.contact, held.release], signals.time, signals.rise)
-        # Overlap and friction change both alike; strings released at once increase the force alone.
-        per_rise = drop / max(float(ends[1] - ends[0]), LEAST_CLIMB)
-        by_rig = strings.forces[row] / strings.climbs[row]
-        times = math.hypot(held.contact_std, held.release_std) / held.pluck_duration
-        measured = min(1.0, math.hypot((held.force_drop_std or 0.0) / drop, times))
-        own = strings.variations[row, 1:, 1:] * [[1, -1], [-1, 1]]
-        limit = math.exp(settings.deviations * math.sqrt(own.sum() + measured**2))
+        row, per_rise, times, _ = _per_rise(signals, held, strings)
+        who, drop = f"{_who(i, plucks)}the force drop", held.force_drop
         of_drop = f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,"
-        limits = 1 / settings.force, settings.force
         said.append(
-            _differs((0.0, limit), of_drop, per_rise / by_rig, fix, (i,))
+            _differs((0.0, math.exp(TWICE / 2)), of_drop, times, fix, (i,))
             or _differs(limits, f"{who}, {drop:.2g} N,", drop / strings.forces[row], fix, (i,))
         )
     if plucks and fit.lag is not None and abs(fit.lag) > settings.late:
@@ -268,6 +280,30 @@ def about_rig(
         )
         said.append(Remark(text))
     return [remark for remark in said if remark]
+
+
+def _per_rise(
+    signals: Signals, held: HeldString, strings: Expected
+) -> tuple[int, float, float, float]:
+    """Compare the force per rise of a pluck with that of its string, or of the nearest one.
+
+    Overlap and friction change both alike; another string increases the force alone.
+
+    Returns:
+        Row of the string; force drop per rise [N/m], and its ratio to that of the rig; the
+        logarithm of the odds of two strings held at once, if one is as likely.
+    """
+    drop = max(held.force_drop, LEAST_FORCE)
+    nearest = int(np.argmin(np.abs(strings.force_deviations(drop))))
+    row = strings.numbers.index(held.string) if held.string else nearest
+    ends = np.interp([held.contact, held.release], signals.time, signals.rise)
+    per_rise = drop / max(float(ends[1] - ends[0]), LEAST_CLIMB)
+    ratio = per_rise * float(strings.climbs[row] / strings.forces[row])
+    times = math.hypot(held.contact_std, held.release_std) / held.pluck_duration
+    measured = min(1.0, math.hypot((held.force_drop_std or 0.0) / drop, times))
+    own = strings.variations[row, 1:, 1:] * [[1, -1], [-1, 1]]
+    odds = TWICE * (math.log(ratio) - TWICE / 2) / (float(own.sum()) + measured**2)
+    return row, per_rise, ratio, odds
 
 
 def _differs(

@@ -45,6 +45,8 @@ class Growth:
     """N, the same, of the force."""
     noise: float = 0.0
     """Variance of the residuals around it, of sums over a third of it, over the assumed one."""
+    odds: float = math.inf
+    """Logarithm of the likelihood of the load with a further growth over that without it."""
 
 
 @dataclass(frozen=True)

@@ -351,10 +351,17 @@ def exchange_stds(fit: SawTeeth, plucks: Floats, variance: float) -> Floats:
         if chi2 < fit.slow.settings.exchange * least:
             away = np.stack([other[:, 0] - plucks[:, 0], fitted.forces - solved.forces], 1)
             found[[i, j], :2] = np.maximum(found[[i, j], :2], np.abs(away[[i, j]]) / 2)
-            # Rows within some widths of the smoothing have the same error: while strings are held,
-            # there are about 20 independent ones.
-            found[[i, j], 2] = -20 / 2 * np.log(chi2 / least)
+            found[[i, j], 2] = log_odds(chi2, least)
     return found
+
+
+def log_odds(chi2: float, other: float) -> float:
+    """Return the logarithm of the likelihood of a fit over that of another one, by their chi2.
+
+    Rows within some widths of the smoothing have the same error: while strings are held, there are
+    about 20 independent ones.
+    """
+    return 20 / 2 * math.log(other / chi2)
 
 
 def in_order(fit: SawTeeth, plucks: Floats, solved: Solved) -> tuple[Floats, Solved]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from sautereau.analysis.phases.expected import LEAST_CLIMB, Expected
 from sautereau.analysis.phases.found import Growth
-from sautereau.analysis.phases.saw_teeth import SawTeeth, Solved, in_order, noise_around
+from sautereau.analysis.phases.saw_teeth import SawTeeth, Solved, in_order, log_odds, noise_around
 from sautereau.analysis.phases.settings import PhaseSettings
 from sautereau.analysis.phases.slow import Slow
 from sautereau.trajectory.motion import Floats
@@ -202,7 +202,9 @@ class _Search:
                 moved = [np.abs(np.delete(found, i, 0) - others).sum() for i in range(len(found))]
                 left = int(np.argmin(moved))
                 contact, release = found[left].tolist()
-                further = Growth(contact, release, float(fitted.forces[left]), gains[weakest])
+                odds = log_odds(fitted.chi2, refitted.chi2)
+                force = float(fitted.forces[left])
+                further = Growth(contact, release, force, gains[weakest], odds=odds)
             found, fitted = others, refitted
             gains = self._significances(found, fitted)
         k = fit.compliance - fit.term(fitted, "F2")  # with which there is no term of F''

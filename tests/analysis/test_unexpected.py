@@ -11,9 +11,11 @@ import pytest
 
 from benchmarks.independent import ONE_FACTOR, Conditions, press, random_conditions
 from benchmarks.independent.conditions import rig_values
-from benchmarks.simulated import judged_press
+from benchmarks.simulated import judged_press, simulated_press
 from sautereau.analysis.phases import find_phases
 from sautereau.daq.file.recorded import Event
+from sautereau.rig.load import load_rig
+from sautereau.sim_backend.scene import load_scene
 from tests.budget import slow
 
 pytest.importorskip("numba")  # without it the independent simulator takes half a minute a press
@@ -191,6 +193,40 @@ def test_strings_released_at_once_are_said_where_the_rig_has_one(key):
     assert np.ptp([pluck.release for pluck in pressed.truth.plucks]) < 0.2e-3
     assert len(phases.plucks) == 1
     assert any(FORCE in warning and "at once" in warning for warning in phases.warnings)
+
+
+@pytest.mark.parametrize("dip", ["2.4 mm", slow("2.6 mm"), slow("2.9 mm"), slow("3 mm")])
+def test_an_obstacle_is_no_release(dip):
+    """A rail of the stand-in, on which the force climbs and the key stops."""
+    truth = {"key.dip": dip, "key.felt_stiffness": "150 kN/m"}
+    scene = load_scene("paper").model_copy(update={"truth": truth})
+    recorded, happened = simulated_press(load_rig("paper"), scene)
+    phases = find_phases(recorded)
+    released = np.array([event.time for event in happened.release_events])
+    assert all(np.abs(pluck.release - released).min(initial=1.0) < 1e-3 for pluck in phases.plucks)
+    stopped = any("an obstacle stops the key" in warning for warning in phases.warnings)
+    assert stopped or phases.plucks
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("later", [-2e-3, -1e-3, 1e-3, 2e-3])
+@pytest.mark.parametrize("overlap", [0.15e-3, 0.2e-3])
+def test_a_string_that_the_rig_lacks_is_said_where_both_are_one_pluck(key, later, overlap):
+    base = ONE_FACTOR[key]
+    both = with_strings(base, {}, second(base, later, overlap=overlap))
+    pressed, phases = found_in(both, strings=base)
+    assert len(pressed.truth.plucks) == 2
+    assert any("string" in warning for warning in phases.warnings)
+
+
+@pytest.mark.parametrize(("speed", "hum"), [(0.06, 20e-3), slow(0.1, 26e-3), slow(0.1, 43e-3)])
+def test_hum_is_no_string(speed, hum):
+    """The load of a key that heaves with hum is explained better by two strings than by one."""
+    base = replace(ONE_FACTOR["key heaves at 120 Hz"], speed=speed)
+    _, phases = found_in(of_channel(base, "force", hum=hum))
+    assert len(phases.plucks) == 1
+    assert not any("another string" in warning for warning in phases.warnings)
 
 
 @pytest.mark.slow
