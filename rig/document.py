@@ -211,7 +211,8 @@ def full_key(name: str) -> str:
         return found[0]
     if found:
         raise RigError(f"{name}: it may be {' or '.join(found)}; give the dotted key")
-    raise RigError(f"{name}: unknown quantity{near_miss(name, list(keys))}")
+    last = [key.rpartition(".")[2] for key in keys]
+    raise RigError(f"{name}: unknown quantity{near_miss(name, last)}")
 
 
 def typed_value(key: str, text: str) -> Any:

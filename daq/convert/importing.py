@@ -13,7 +13,12 @@ import numpy as np
 from sautereau.daq.convert.document import Document, digest, volts_name
 from sautereau.daq.convert.formats import Columns, ImportSource, open_source, refuse_missing
 from sautereau.daq.convert.options import ImportOptions
-from sautereau.daq.convert.settings import ChannelColumn, ImportSettings, resolve_options
+from sautereau.daq.convert.settings import (
+    ChannelColumn,
+    ImportSettings,
+    named_columns,
+    resolve_options,
+)
 from sautereau.daq.convert.times import PLAUSIBLE, UNIX, own_axis, start_and_rate
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.limits import FARTHEST_SAMPLE, time_faults
@@ -96,6 +101,7 @@ def import_file(
             return _restore(source, source.document, rig, out, notes, origin)
         if rig is None:
             raise RecordingError("--rig is required: it holds the sensors' calibrations")
+        options = named_columns(source, options)
         settings = resolve_options(source, rig, options, path.stat().st_mtime)
         return _import(source, settings, options, rig, out, notes, origin)
     except RecordingError as error:

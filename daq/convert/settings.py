@@ -1,7 +1,7 @@
 """Settings of an import, from the options and the file; an error lists all that is missing."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import combinations
 
@@ -124,6 +124,22 @@ def resolve_options(
     )
 
 
+def named_columns(source: ImportSource, options: ImportOptions) -> ImportOptions:
+    """Return options in which columns have the names of the file."""
+    columns = {name: _named(source, column) or column for name, column in options.column.items()}
+    return replace(
+        options,
+        column=columns,
+        time=options.time and (_named(source, options.time) or options.time),
+    )
+
+
+def _named(source: ImportSource, name: str) -> str | None:
+    """Return the column with a name, or with that before its unit: `velocity [mm/s]`."""
+    alike = [n for n in source.names if re.split(r"\s*[\[(/]", n)[0].lower() == name.lower()]
+    return name if name in source.names else alike[0] if len(alike) == 1 else None
+
+
 def _unknown_channels(rig: Rig, options: ImportOptions) -> list[str]:
     names = [channel.name for channel in rig.daq.channels]
     given = {
@@ -154,11 +170,7 @@ def column_of(
         if name in options.column:
             faults.append(f"{name}: both --column and --without are given; give one of them")
         return None
-    column = options.column.get(name)
-    if column is None:
-        # Its name, or that before the unit: `velocity [mm/s]`.
-        alike = [n for n in source.names if re.split(r"\s*[\[(/]", n)[0].lower() == name.lower()]
-        column = name if name in source.names else alike[0] if len(alike) == 1 else None
+    column = options.column.get(name) or _named(source, name)
     if column is None:
         faults.append(
             f"{name}: its column is missing; give --column.{name} NAME or --without {name};"

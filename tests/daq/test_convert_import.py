@@ -222,6 +222,13 @@ def test_columns_named_as_the_channels_with_their_units(bring, refused):
     np.testing.assert_allclose(found.volts["force"], [1.0, 3.0], rtol=1e-12)
 
 
+def test_given_columns_may_lack_their_units(bring):
+    text = "t (s),v [mm/s],force (mN)\n0,25,1000\n1e-3,50,3000\n"
+    _, found = bring(text, time="t", column={"velocity": "v"}, without=())
+    assert found.rate == 1000.0
+    np.testing.assert_allclose(found.volts["velocity"], [1.0, 2.0], rtol=1e-12)
+
+
 @pytest.mark.parametrize("unit", ["mm s-1", "mm s^-1", "mm.s-1", "mm·s⁻¹", "mm*s**-1"])
 def test_a_speed_may_be_written_as_a_product(bring, unit):
     _, found = bring(f"velocity [{unit}],force (mN)\n25,1000\n", rate="1 kHz", without=())
