@@ -470,6 +470,6 @@ def test_a_unit_that_replaces_the_files_is_said(bring):
 def test_a_column_is_of_one_channel(refused):
     both = {"velocity": "a", "force": "a"}
     message = refused("time,a [V]\n0,1\n1e-3,2\n", column=both, without=(), time="time")
-    assert "'a'" in message
+    assert "'a [V]'" in message
     assert "force" in message
     assert "velocity" in message
