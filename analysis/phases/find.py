@@ -28,9 +28,10 @@ from sautereau.trajectory.motion import Floats, Motion
 LEVEL = 0.1
 """Dimensionless, fraction of the peak force by which the level of a force may differ from that of
 the rig: numbers without a range are not exact either."""
-STOP = 3e-3
-"""s, before and after a release. The jack rises on by at least 0.57 of what it rose before (of 338
-plucks of the independent simulator with and without obstacles), by at most 0.31 at an obstacle."""
+STOPS = (3e-3, 0.45), (8e-3, 0.23)
+"""Times before and after a release [s], and fractions of the jack's rise before it, which the rise
+after it does not reach at an obstacle. A key that swings may be at rest for 3 ms, one that meets a
+rail soon after is at rest after 8 ms; only obstacles do both."""
 Finder = Callable[[Expected, Signals, int, int], Found]
 """Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
 
@@ -223,10 +224,13 @@ def _stopped(signals: Signals, release: float) -> bool:
 
     After a release the key continues.
     """
-    after = min(STOP, float(signals.time[-1]) - release)
-    times = release + np.array([-STOP, 0.0, after])
-    before, at, last = np.interp(times, signals.time, signals.rise)
-    return bool((last - at) * STOP < 0.45 * (at - before) * after)
+    for side, share in STOPS:
+        after = min(side, float(signals.time[-1]) - release)
+        times = release + np.array([-side, 0.0, after])
+        before, at, last = np.interp(times, signals.time, signals.rise)
+        if (last - at) * side >= share * (at - before) * after:
+            return False
+    return True
 
 
 def _at_full_speed(time: Floats, speed: Floats, start: float, end: float) -> NDArray[np.intp]:
