@@ -108,8 +108,10 @@ class InverseDynamics:
         lag, force_gain = values.get(parameters.TIME, 0.0), values.get(parameters.FORCE_GAIN, 1.0)
         sliding = values.get(parameters.SLIDING, 0.0), values.get(parameters.LATE_SLIDING, 0.0)
         strings, modes = _strings(rig, held, self.level, values), elastic.modes_of(values)
-        # Of the measured acceleration on the measured force.
-        inertia = moving_inertia(rig) / _finger_arm(rig) * gain / force_gain
+        # Of the measured acceleration on the measured force. Without modes, the residuals have only
+        # half of the noise at rest, and weights that fall with a friction would make it too small.
+        arm = _finger_arm(rig) if modes else rig.key.press_arm
+        inertia = moving_inertia(rig) / arm * gain / force_gain
         amplified = elastic.noise_gain(modes, self._record)
         state = self._state(rig, strings, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
