@@ -26,6 +26,7 @@ NOT_OF_STRINGS = {
     *("key.gravity_moment", "key.pivot_coulomb_friction", "key.pivot_viscous_friction"),
     "jack.register_friction",
 }  # Parameters that affect neither the strings' forces nor the bending of the key
+# And of a rigid key:
 NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, parameters.FINGERTIP, "key.inertia", "jack.mass"}
 CACHED_POINTS = 3  # Points whose string forces are kept: most derivatives do not change them
 ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and cloth

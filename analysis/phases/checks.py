@@ -9,6 +9,7 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases.contact import Contact
 from sautereau.analysis.phases.expected import LEAST_CLIMB, LEAST_FORCE, Expected
 from sautereau.analysis.phases.found import FAIR, RIGID, Fit, Growth, HeldString, pluck_names
+from sautereau.analysis.phases.identity import SHARED
 from sautereau.analysis.phases.rows import rows_of
 from sautereau.analysis.phases.settings import SETTINGS, PhaseSettings
 from sautereau.analysis.phases.signals import Signals
@@ -58,7 +59,7 @@ def about_fit(
         meanwhile = {
             name: _per_rise(signals, pluck, strings)[-1]
             for name, pluck in zip(pluck_names(plucks), plucks, strict=True)
-            if pluck.contact < growth.release and growth.contact < pluck.release
+            if _at_once(pluck, growth)
         }
         if not expects:
             who = " and ".join(meanwhile)
@@ -109,6 +110,11 @@ def about_sign(signals: Signals, begin: int, end: int, peak: float) -> list[Rema
         " or import with `--invert force`"
     )
     return [Remark(text)]
+
+
+def _at_once(one: HeldString | Growth, other: HeldString | Growth) -> bool:
+    """Return whether two strings are held at once."""
+    return one.contact < other.release and other.contact < one.release
 
 
 def _unexplained(fit: Fit) -> str:
@@ -268,9 +274,8 @@ def about_rig(
         row, per_rise, times, _ = _per_rise(signals, held, strings)
         who, drop = f"{_who(i, plucks)}the force drop", held.force_drop
         of_drop = f"{who} per rise of the jack, {per_rise * 1e-3:.2g} N/mm,"
-        # Of strings held at once, each may get a fifth of the other's force.
-        both = sum(p.contact < held.release and held.contact < p.release for p in plucks) > 1
-        most = math.exp(TWICE / 2 + both * 0.2**2 * LIKELY / TWICE)
+        shared = SHARED * any(_at_once(held, p) for p in plucks if p is not held)
+        most = math.exp(TWICE / 2 + shared**2 * LIKELY / TWICE)
         said.append(
             _differs((0.0, most), of_drop, times, fix, (i,))
             or _differs(limits, f"{who}, {drop:.2g} N,", drop / strings.forces[row], fix, (i,))

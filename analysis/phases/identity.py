@@ -24,6 +24,7 @@ from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
 PROBABLE = 0.95  # Probability above which a string is stated
+SHARED = 0.2  # Part of its force that a string held at once with another may get from that
 Way = tuple[tuple[int, ...], dict[int, int], float]
 """A way to explain plucks: the contact of each release, the row of the string of each assigned
 release, and the logarithm of the likelihood."""
@@ -144,8 +145,7 @@ def _seen(
     climbs = np.maximum(rises[1] - rises[0], LEAST_CLIMB)
     forces = np.maximum([release.fall for release in releases], LEAST_FORCE)
     both = (times[0][:, None] < times[1]) & (times[0] < times[1][:, None])
-    # Of the sum of strings held at once each may get a part of the other's force.
-    known = np.where(both.sum(1) > 1, 0.2, 0.1)
+    known = np.where(both.sum(1) > 1, SHARED, 0.1)
     fallen = np.hypot(known, [release.fall_std for release in releases] / forces)
     slopes = np.zeros((len(releases), 3, 3))  # by the errors of contact, release and force
     slopes[:, 0, 0], slopes[:, 2, 2] = first, fallen
