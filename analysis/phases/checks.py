@@ -280,7 +280,8 @@ def about_rig(
             _differs((0.0, most), of_drop, times, fix, (i,))
             or _differs(limits, f"{who}, {drop:.2g} N,", drop / strings.forces[row], fix, (i,))
         )
-    if plucks and fit.lag is not None and abs(fit.lag) > settings.late:
+    certain = max(settings.late, settings.deviations * fit.lag_std)
+    if plucks and fit.lag is not None and abs(fit.lag) > certain:
         late, early = ("force", "velocity") if fit.lag > 0 else ("velocity", "force")
         text = (
             f"the {late} is {abs(fit.lag) * 1e3:.2g} ms late, compared with the {early}, so contact"

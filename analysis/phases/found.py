@@ -110,6 +110,8 @@ class Fit:
     negligible: bool = False
     """Whether the load that a rigid key does not explain shifts contacts by less than the least
     uncertainty of a contact on a compliant key."""
+    lag_std: float = 0.2e-3
+    """s, standard uncertainty of `lag`; this one on a compliant key, whose vibration changes it."""
 
     @property
     def verdict(self) -> Literal["good", "fair", "poor", "by hand"]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from sautereau.analysis.phases.compliant import compliant_plucks
+from sautereau.analysis.phases.compliant import compliant_plucks, lag_of
 from sautereau.analysis.phases.contact import Contact, KeyAndString, find_contact
 from sautereau.analysis.phases.event import refine_event, resolved
 from sautereau.analysis.phases.expected import Expected
@@ -115,6 +115,10 @@ def _compliant(
         return None, searched
     noise = max(contact.noise for contact, _ in plucks)
     fit = Fit("compliant", noise, *_of_key(searched))
+    lag, std = lag_of(strings, signals, way, plucks, searched.compliance)
+    # The search knows the whole way, but not how certain its lag is.
+    if abs(lag) / std > abs(searched.lag) / fit.lag_std:
+        fit = replace(fit, lag=lag, lag_std=std)
     # Less may be what the shape of a string leaves.
     least = SLIGHT * max(growth.force for growth in searched.growths)
     further = (g for g in growths if g not in searched.growths and g.force > least)
@@ -179,8 +183,9 @@ def _explained(
     if negligible and not all(c.std < NEGLIGIBLE for c, _ in exact):
         return None
     exact = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in exact]
-    inertia = 1 + found[0][0].inertia
-    return Found(exact, Fit("rigid", _noise(exact), inertia=inertia, negligible=negligible))
+    lag, std = lag_of(strings, signals, (begin, end), exact)
+    key = {"inertia": 1 + found[0][0].inertia, "lag": lag, "lag_std": std}
+    return Found(exact, Fit("rigid", _noise(exact), negligible=negligible, **key))
 
 
 def _with_modes(

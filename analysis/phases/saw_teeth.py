@@ -91,7 +91,8 @@ class SawTeeth:
         hum = settings.hum_std * hum_at(slow.time)
         free = np.column_stack([slow.terms, level, settings.drift_std * np.stack(drift, 1), hum])
         known = free.shape[1]
-        free = np.concatenate([self.weight[:, None] * free, noise * np.eye(known)])
+        self._free = self.weight[:, None] * free
+        free = np.concatenate([self._free, noise * np.eye(known)])
         self.base, _ = np.linalg.qr(free)
         """Orthonormal base of the columns of a key without a string, with the rows of priors."""
         self._left = np.concatenate([self.load, np.zeros(known)])
@@ -179,6 +180,23 @@ class SawTeeth:
         # The residual of a prior is minus the factor of its column.
         row = len(self.load) + list(TERMS).index(name)
         return -float(solved.residuals[row]) / self.noise * TERMS[name]
+
+    def lag(self, solved: Solved) -> tuple[float, float]:
+        """Return by how much the force is late, compared with the velocity, and its uncertainty.
+
+        Returns:
+            Both in s; the standard uncertainty is that for given instants, and the noise of a row.
+        """
+        parts = {"F1": -1.0, "v2": -1 / self.slow.inertial}
+        lag = sum(part * self.term(solved, name) for name, part in parts.items())
+        strings = self._strings_at(solved.risen[0] * solved.risen[1]).reshape(len(self.load), -1)
+        columns = np.column_stack([self._free, strings])
+        by_factors = np.zeros(columns.shape[1])
+        for name, part in parts.items():
+            by_factors[list(TERMS).index(name)] = part * TERMS[name]
+        normal = columns.T @ columns + self.noise**2 * np.eye(columns.shape[1])
+        variance = float(by_factors @ np.linalg.solve(normal, by_factors))
+        return lag, self.noise * math.sqrt(variance)
 
     def rig_deviations(self, plucks: Floats) -> Floats:
         """Return the deviations of plucks from the rig (`Expected.deviations`).

@@ -145,8 +145,9 @@ class PhaseSettings:
     force: float = 2.0
     """The same of force drop and inertia, to which the finger adds its own (1.2 to 5): of random
     instruments that are known to a ruler, 98 % remain within."""
-    late: float = 0.6e-3
-    """s, distance of force and velocity from which on it is said (0.1 to 5 ms)."""
+    late: float = 0.3e-3
+    """s, distance of force and velocity from which on it is said (0.1 to 5 ms), if it is certain by
+    `deviations`."""
 
 
 SETTINGS = PhaseSettings()

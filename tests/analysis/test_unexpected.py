@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.independent import ONE_FACTOR, Conditions, press, random_conditions
 from benchmarks.independent.conditions import rig_values
-from benchmarks.simulated import judged_press, simulated_press
+from benchmarks.simulated import judged_press, random_case, simulated_press
 from sautereau.analysis.phases import find_phases
 from sautereau.daq.file.recorded import Event
 from sautereau.rig.load import load_rig
@@ -136,6 +136,24 @@ def test_what_the_rig_does_not_expect_is_said(key, name):
     for subject in said:
         assert any(subject in warning for warning in phases.warnings), (subject, phases.warnings)
     assert phases.warnings or not wrong(pressed, phases)
+
+
+@pytest.mark.parametrize("name", ["force", slow("velocity")])
+@pytest.mark.parametrize("error", [0.4e-3, slow(0.0), slow(-0.4e-3)])
+def test_a_channel_that_is_slightly_late_is_said(name, error):
+    conditions = of_channel(ONE_FACTOR["all stiff"], name, delay_error=error)
+    _, phases = found_in(conditions)
+    late = error if name == "force" else -error
+    assert phases.fit.lag == pytest.approx(late, abs=3 * phases.fit.lag_std)
+    assert any(LATE in warning for warning in phases.warnings) == bool(error)
+
+
+@pytest.mark.parametrize("seed", [4, *map(slow, (14, 18, 21, 99, 106, 115, 129, 143, 184, 195))])
+def test_the_front_felt_is_no_lag(seed):
+    recorded, _ = simulated_press(*random_case(seed), seed)
+    phases = find_phases(recorded)
+    assert abs(phases.fit.lag) < 3 * phases.fit.lag_std
+    assert not any(LATE in warning for warning in phases.warnings)
 
 
 def test_a_recording_that_ends_while_a_string_is_held():
