@@ -40,9 +40,6 @@ SHAPE = tuple(
 )  # Columns of a plectrum's shape and material. Those that vary get an exponent
 CONDITIONS = ("jack_speed", "string_stiffness")  # Change a plectrum's touch; get an exponent
 LEAST_RANGE = 1e-6  # Range of a column's logarithm below which the column counts as constant
-LEAST_SINGULAR = 1e-3
-"""Ratio of the smallest to the largest singular value of the normalised regressors below which they
-are collinear. Their exponents are not identifiable then."""
 
 
 def numbers_of(plectrum: Plectrum) -> dict[str, float]:
@@ -122,4 +119,5 @@ def collinear(columns: dict[str, Floats]) -> bool:
         return False
     matrix = np.column_stack(list(columns.values()))
     singular = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0), compute_uv=False)
-    return bool(singular[-1] <= LEAST_SINGULAR * singular[0])
+    # Else they are collinear, and their exponents are not identifiable.
+    return bool(singular[-1] <= 1e-3 * singular[0])

@@ -33,9 +33,6 @@ STEP = 1e-3  # s, between the starts tried first
 PHASES = (-0.375, -0.125, 0.125, 0.375)
 """Counts by which each encoder is turned in turn to estimate the effect of its resolution."""
 BLOCKS = 10  # Parts of the motion that are omitted in turn to estimate the uncertainty
-MOST_UNEXPLAINED = 0.1
-"""Dimensionless, RMS residual relative to the RMS of the rise, above which the two do not show the
-same motion."""
 
 
 def find_start(
@@ -85,7 +82,7 @@ def find_start(
     near = float(starts[np.argmin([seen.misfit(times, wanted, start) for start in starts])])
     start = seen.start(times, wanted, near)
     unexplained = np.sqrt(seen.misfit(times, wanted, start)) / np.std(wanted)
-    if not unexplained <= MOST_UNEXPLAINED:
+    if not unexplained <= 0.1:  # The two do not show the same motion
         raise AnalysisError(
             "alignment: encoders and vibrometer do not show the same motion (residual"
             f" {100 * unexplained:.0f} % of it)"
