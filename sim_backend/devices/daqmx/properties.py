@@ -249,7 +249,6 @@ EXPORTED = kept(
 )
 """Signals that a task puts on terminals, to which the bench connects nothing."""
 
-_ANALOG_INPUT = 10100
 _SECONDS, _PERIODS, _EXTERNAL = 10364, 10286, 10167
 _RIGHT, _DMA, _NO_COMPRESSION, _USE_CURRENT, _USE_DC = 10279, 10054, 10230, 10134, 10050
 
@@ -388,7 +387,7 @@ CHANNEL = {
     **table(
         "CHANNEL",
         {
-            "CHAN_TYPE": _ANALOG_INPUT,
+            "CHAN_TYPE": 10100,  # An analog input
             "PHYSICAL_CHAN_NAME": lambda seat: seat.input.physical,
             "AI_MEAS_TYPE": lambda seat: seat.input.measurement,
             "AI_IS_TEDS": False,
