@@ -22,7 +22,6 @@ STEADY_COUNTS = 20_000
 half a count, so longer segments have a smaller error of speed, until the cubic no longer follows
 the finger's path: at 0.072 m/s about 100 ms are followed to 1e-4."""
 LONGEST_SEGMENT = 1024  # Longest segment in controller samples
-SLOW_GRAINS = 2  # Grains between knots in long intervals of varying speed, such as gestures
 ROUNDING_FRACTION = 0.1
 """Dimensionless, largest acceleration by rounding to counts, relative to the joints' limit."""
 
@@ -190,7 +189,7 @@ def _knots(law: JerkLaw, speed: Floats, rounding: Floats, period: float, grains:
         if not steady:
             low, high = int(start), min(last, int(np.ceil(stop - 1e-9)))
             # A long interval varies slowly, and longer segments have a smaller rounding error.
-            apart = max(grains, min(SLOW_GRAINS, (high - low) // 16))
+            apart = max(grains, min(2, (high - low) // 16))
             pieces = int(np.ceil((high - low) / apart))
             chosen |= set(np.linspace(low, high, pieces + 1).astype(int).tolist())
             continue

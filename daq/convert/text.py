@@ -12,7 +12,6 @@ from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import open_regular
 
 HEAD = 262_144  # Bytes at the start of a file in which its rows must begin
-BLOCK = 1_048_576  # Characters that are read at once
 LONGEST_LINE = 100_000
 """Limit of the characters of a line; the csv module's limit of a cell is 131,072."""
 _POINT = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+|[dD][+-]\d+)?|[+-]?(?:nan|inf|infinity)"
@@ -73,7 +72,7 @@ def lines_of(path: Path, encoding: str) -> Iterator[str]:
     rest = ""
     try:
         with open_regular(path) as raw, io.TextIOWrapper(raw, encoding) as file:
-            while text := file.read(BLOCK):
+            while text := file.read(1_048_576):
                 *lines, rest = (rest + text.replace(MINUS, "-")).split("\n")
                 if len(rest) > LONGEST_LINE or any(len(line) > LONGEST_LINE for line in lines):
                     raise RecordingError(

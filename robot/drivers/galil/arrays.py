@@ -14,7 +14,6 @@ from sautereau.trajectory.segments import Segments
 
 LEAST_INTERVAL = 4  # Controller samples of a row; the program needs a few lines for each row
 MOST_ROWS = 256
-_VOLTAGE_STEP = 1e-4  # V, resolution of the arrays
 SOURCES = {
     "posA": "_TPA",
     "posB": "_TPB",
@@ -104,7 +103,7 @@ def write_push(line: Line, push: Push | None) -> None:
     line.ask_packed([*arrays, f"{PUSHES}={rows}", f"{PUSH_EVERY}={-push.interval}"])
     line.verify({PUSHES: rows, PUSH_EVERY: -push.interval})
     held = np.column_stack([line.upload(name, rows) for name in PUSH])
-    if (wrong := np.abs(held - push.volts).max()) > _VOLTAGE_STEP:
+    if (wrong := np.abs(held - push.volts).max()) > 1e-4:  # V, the arrays' resolution
         raise SettingNotTaken(
             f"controller on {line.name}: a torque that it holds differs by {wrong:.4g} V from"
             " what was sent; load() again, and check the cable's shield"
