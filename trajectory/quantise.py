@@ -15,8 +15,6 @@ from sautereau.trajectory.segments import Counts, Segments
 from sautereau.trajectory.timing import JerkLaw, PressLaw
 
 GRAIN = 2  # Controller samples; the duration of every segment is a multiple, as PVT mode requires
-VELOCITY_GRAIN = 2
-"""Counts per second; every velocity at a knot is a multiple, as PVT mode requires."""
 STEADY_COUNTS = 20_000
 """Counts moved by the slower joint between knots at constant speed: a knot is rounded by at most
 half a count, so longer segments have a smaller error of speed, until the cubic no longer follows
@@ -65,7 +63,7 @@ def quantise(rig: Rig, law: JerkLaw, joints: Motion, stroke: PressLaw | None = N
     period = rig.controller.sample_period
     exact = joints.position * counts_per_radian
     rounded = np.rint(exact)
-    rates = VELOCITY_GRAIN * np.rint(joints.velocity * counts_per_radian / VELOCITY_GRAIN)
+    rates = 2 * np.rint(joints.velocity * counts_per_radian / 2)  # Even, as PVT mode requires
     # A cubic with errors of half a count at both ends has an acceleration error of 6 counts / T^2.
     coarse = 6 / counts_per_radian / (ROUNDING_FRACTION * rig.arm.acceleration_limit)
     longest, limit = LONGEST_SEGMENT // GRAIN, most_segments(rig)

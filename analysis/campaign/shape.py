@@ -33,7 +33,6 @@ PLECTRUM = {
     "friction": "1",
     **DESCRIPTORS,
 }  # Numbers of a plectrum, with their units
-TIP = 0.1  # Part of the length over which the tip, which may be rounded, is averaged
 SHAPE = tuple(
     f"plectrum_{name}"
     for name in ("length", "width", "thickness", "tip_thickness", "overlap", "youngs_modulus")
@@ -68,7 +67,8 @@ def numbers_of(plectrum: Plectrum) -> dict[str, float]:
         bent = integral(lambda x, h: (s - x) ** 2 * (profile.clamp_thickness / h) ** 3, 0.0, s)
         return bent * length**3 / root
 
-    taper = integral(lambda _, h: profile.clamp_thickness - h, 1 - TIP, 1.0) / TIP
+    # Over the last tenth, for the tip may be rounded.
+    taper = integral(lambda _, h: profile.clamp_thickness - h, 0.9, 1.0) / 0.1
     values = {name: getattr(plectrum, name) for name in ("length", "width", "overlap", "friction")}
     return values | {
         "youngs_modulus": plectrum.modulus,

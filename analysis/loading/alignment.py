@@ -30,8 +30,6 @@ from sautereau.trajectory.arm import jack_under_finger
 from sautereau.trajectory.motion import Floats, Motion
 
 STEP = 1e-3  # s, between the starts tried first
-PHASES = (-0.375, -0.125, 0.125, 0.375)
-"""Counts by which each encoder is turned in turn to estimate the effect of its resolution."""
 BLOCKS = 10  # Parts of the motion that are omitted in turn to estimate the uncertainty
 
 
@@ -131,7 +129,7 @@ def _turned(rise: Floats, joints: Floats, count: float) -> Iterator[Floats]:
     The smooth motion that they read is that of the joints as cubic functions of the rise.
     """
     smooth = np.stack([np.polyval(np.polyfit(rise, q, 3), rise) for q in joints.T], -1)
-    for turn in product(PHASES, PHASES):
+    for turn in product((-0.375, -0.125, 0.125, 0.375), repeat=2):
         phase = np.array(turn) * count
         yield np.rint((smooth - phase) / count) * count + phase
 

@@ -33,7 +33,6 @@ SPIKE = 5  # Blocks of the median that removes drop-outs and spikes
 STEADY = {"velocity": 0.01, "force": 0.025}
 """Dimensionless, fractions of that range within which a signal at rest stays."""
 NOISE = 8.0  # The same in standard deviations of the noise, if that is larger
-EDGES = 20  # Blocks at each end of the recording, through which such a line is tried first
 BACK = 0.1  # Dimensionless, fraction of the largest press within which the key is back
 LEAST = {"velocity": 0.5e-3, "force": 0.05}
 """m and N, least deflection at the laser, or force, of the largest press."""
@@ -253,7 +252,7 @@ def _without_trend(level: Floats) -> Floats:
     """
     time, third = np.arange(len(level)), len(level) // 3 + 1
     best = math.inf, level
-    for kept in (time, np.concatenate([time[:third][:EDGES], time[-third:][-EDGES:]])):
+    for kept in (time, np.concatenate([time[:third][:20], time[-third:][-20:]])):
         # Lines through the third of the values that is closest to the previous one.
         for _ in range(10 if len(level) > 2 else 0):
             off = level - np.polyval(np.polyfit(time[kept], level[kept], 1), time)

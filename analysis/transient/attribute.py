@@ -121,8 +121,6 @@ AGAIN = "more presses at the same speed: a mode of the bench returns at the same
 FULL = (20.0, 20000.0)  # Range of a frequency about which nothing is known (Hz)
 ODD = 0.05  # Weight of `FULL` in every source, and of its `band` beside a measured mode
 STRING_STD = 0.03  # Relative standard uncertainty of a string's frequency
-FREE_PART = 0.2  # Weight of the free string's partials; the held string's have the rest
-SERVO_PART = 0.15  # Weight of the sample frequency's multiples among the finger's oscillations
 MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Frequencies of mains hum (Hz)
 FLEXIBLE_PART = 0.25  # Probability that the key bends or heaves under an oscillating finger
 HIGHEST = 8e3  # Hz, of a string's partials, whose weight is 1 / f^2, as for a bent string
@@ -194,7 +192,7 @@ def _frequency(
         held, free = (
             _partials(frequency, each, STRING_STD, doubt, 1 / each**2) for each in strings
         )
-        likely = (1 - FREE_PART) * held + FREE_PART * free
+        likely = 0.8 * held + 0.2 * free
     elif source is Source.MAINS:
         return _partials(frequency, MAINS, 0.004, doubt)
     else:
@@ -203,11 +201,11 @@ def _frequency(
         if source is Source.FINGER:
             low, high = found.speeds
             # A frequency that is constant over such a range of speeds is no ripple.
-            ripple = found.consistent and high > (1 + 0.2) * low
+            ripple = found.consistent and high > 1.2 * low
             likely *= 0.8 if ripple else 1.0
             rate = 1 / rig.controller.sample_period
             of_servo = _partials(frequency, [rate, 2 * rate, 3 * rate], 0.01, doubt)
-            likely = (1 - SERVO_PART) * likely + SERVO_PART * of_servo
+            likely = 0.85 * likely + 0.15 * of_servo
         if known:
             near = _partials(frequency, known, 0.03, doubt)
             likely = ODD * likely + (1 - ODD) * near

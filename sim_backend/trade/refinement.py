@@ -15,8 +15,6 @@ from sautereau.sim_backend.scene import Scene
 
 FINER = 3
 """Halvings of a step from which its error is estimated; more of one that the engine divides."""
-SAFETY = Errors(time=1.5, force=3.0)
-"""Dimensionless factors on the estimates; forces jump, and converge more slowly."""
 ROUNDING = Errors(time=1e-8, force=1e-5)
 """Added to every error: rounding, tables and the reference solution itself."""
 DIVERGED = Errors(math.inf, math.inf)
@@ -276,6 +274,5 @@ def _largest(found: Sequence[Errors]) -> Errors:
 
 def _distance(one: Observation, last: Observation) -> Errors:
     """Return how far two runs are apart, whichever of them is the truth."""
-    there, back = errors(one, last), errors(last, one)
-    time, force = max(there.time, back.time), max(there.force, back.force)
-    return Errors(SAFETY.time * time, SAFETY.force * force)
+    apart = _largest([errors(one, last), errors(last, one)])
+    return Errors(1.5 * apart.time, 3.0 * apart.force)  # Forces jump, and converge more slowly

@@ -34,7 +34,6 @@ from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, EXPORTS, FINITE, terminals
 
 SERIAL_NUMBER = 0x5A07E2EA
-VERSION = (25, 0, 0)
 _CHASSIS = "cDAQ-9178"
 _BUS_PCI, _BUS_USB, _BUS_COMPACT_DAQ, _BUS_UNKNOWN = 12582, 12586, 14637, 12588
 _START, _REFERENCE = 8, 4  # bits of the driver's trigger usage
@@ -93,9 +92,9 @@ def _bus(one: Device) -> int:
 SYSTEM = table(
     "SYSTEM",
     {
-        "NIDAQ_MAJOR_VERSION": VERSION[0],
-        "NIDAQ_MINOR_VERSION": VERSION[1],
-        "NIDAQ_UPDATE_VERSION": VERSION[2],
+        "NIDAQ_MAJOR_VERSION": 25,
+        "NIDAQ_MINOR_VERSION": 0,
+        "NIDAQ_UPDATE_VERSION": 0,
         "DEV_NAMES": lambda card: ", ".join(
             dict.fromkeys([owner_of(card), *(module.name for module in card.modules)])
         ),

@@ -25,7 +25,6 @@ _BITS = {
     "_HMB": "the home switch of joint 2",
     "_AB": "the abort input (emergency stop)",
 }
-_BY_EYE = 2.5  # Dimensionless, factor by which a joint that is turned by hand may turn less or more
 _ROWS = 24
 _EVERY = 4  # samples between two rows of the timing program
 _TIMING = (
@@ -139,7 +138,7 @@ def encoders(bench: Workbench) -> None:
             "swap the encoders' cables, or reverse the encoder with CE",
         )
         bench.expect(
-            due / _BY_EYE < moved[joint] < due * _BY_EYE,
+            due / 2.5 < moved[joint] < due * 2.5,  # by eye
             f"{seen}, where {due:.0f} counts are 5 deg",
             "correct arm.counts_per_revolution, or connect the encoder's second channel",
         )
