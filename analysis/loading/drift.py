@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.remark import Remark
-from sautereau.daq.signals.calibration import NORMAL, median, white_noise
+from sautereau.daq.signals.calibration import MAD_TO_STD, median, white_noise
 from sautereau.trajectory.motion import Floats
 
 BLOCK = 1e-3  # s, of the block means by which rest and motion are distinguished
@@ -253,7 +253,7 @@ def _steady(means: Floats, level: float, least: float, fastest: float) -> int:
     """Return the number of blocks at this level, counted from the first."""
     # The scatter of the first block means contains 1/f noise, which `white_noise` omits.
     steps = np.abs(np.diff(means[: 2 * round(LEAST_REST / BLOCK)]))
-    scatter = median(steps) * NORMAL / math.sqrt(2)
+    scatter = median(steps) * MAD_TO_STD / math.sqrt(2)
     # A scatter at rest below 5 % of the largest speed is noise.
     moving = np.abs(means - level) > max(least, min(6 * scatter, 0.05 * fastest))
     # Two blocks beside the motion count as motion.
