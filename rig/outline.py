@@ -24,13 +24,10 @@ from sautereau.rig.units import parse_quantity, shown
 
 Floats = NDArray[np.float64]
 
-THINNED_PLACES = 17
-"""x positions of the outline fitted to those samples, which averages out single pixels."""
 LEAST_POINTS = 6  # Smallest number of points of a contour
 ENDS = 0.02
 """Dimensionless, fraction of the length near either end where a contour may go back and forth,
 as blunt ends do."""
-LEAST_TIP = 0.05  # Dimensionless, smallest thickness of the tip as a fraction of that at the clamp
 
 
 def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -120,7 +117,7 @@ def _thinned(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Fl
     """Return the least-squares polyline with few vertices for each edge."""
     from scipy.interpolate import make_lsq_spline
 
-    places = np.linspace(x[0], x[-1], THINNED_PLACES)
+    places = np.linspace(x[0], x[-1], 17)  # Few, which averages out single pixels
     knots = np.concatenate([[x[0]], places, [x[-1]]])
     edges = (make_lsq_spline(x, edge, knots, k=1) for edge in (top, bottom))
     top, bottom = (edge(places) for edge in edges)
@@ -134,7 +131,8 @@ def _from_clamp(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats,
     if top[0] <= bottom[0] and len(x) > 2:  # a rounded butt traced to a point
         top[0], bottom[0] = top[1], bottom[1]
     middle = (top[0] + bottom[0]) / 2
-    lack = max(LEAST_TIP * (top[0] - bottom[0]) - (top[-1] - bottom[-1]), 0.0)
+    # The tip has at least 5 % of the thickness at the clamp.
+    lack = max(0.05 * (top[0] - bottom[0]) - (top[-1] - bottom[-1]), 0.0)
     top[-1], bottom[-1] = top[-1] + lack / 2, bottom[-1] - lack / 2
     return x, top - middle, bottom - middle
 

@@ -21,8 +21,6 @@ from sautereau.analysis.report.pictures import (
     string_picture,
 )
 
-FRAMES = 101
-LEAST_BESIDE = 4e-3  # s, shortest time shown after release, in which the string vibrates
 SLIDER = "frame"  # Id of the slider that selects the frame
 READING = "reading"  # Start of the ids of the readings
 
@@ -59,9 +57,9 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
     margin = 0.25 * (release - contact)
     first, last = float(press.time[0]), float(press.time[-1])
     start = max(first, contact - margin)
-    stop = min(last, release + max(margin, LEAST_BESIDE))
+    stop = min(last, release + max(margin, 4e-3))  # In 4 ms the string vibrates
     # 202 frames of all strings are a third of a megabyte of the page.
-    frames = min(FRAMES, max(2, 202 // len(choirs(press.rig))))
+    frames = min(101, max(2, 202 // len(choirs(press.rig))))
     return SlowMotion(number, replay(press, phases, np.linspace(start, stop, frames)))
 
 

@@ -13,7 +13,6 @@ from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Segments
 
 LEAST_INTERVAL = 4  # Controller samples of a row; the program needs a few lines for each row
-MOST_ROWS = 256
 SOURCES = {
     "posA": "_TPA",
     "posB": "_TPB",
@@ -78,7 +77,7 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments, volts: float) -> 
         raise UnsafeRequest(
             f"load: torque table: {'; '.join(faults)}; make a new one for this press"
         )
-    steps = -(-motion.total_samples // (MOST_ROWS * RESOLUTION))
+    steps = -(-motion.total_samples // (256 * RESOLUTION))  # At most 256 rows
     interval = max(LEAST_INTERVAL, steps * RESOLUTION)
     rows = -(-motion.total_samples // interval)
     middles = (np.arange(rows) + 0.5) * interval * period
