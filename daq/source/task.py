@@ -13,7 +13,6 @@ from sautereau.daq.file.trigger_date import Counted
 from sautereau.daq.source.driver_faults import NOT_DONE
 from sautereau.rig.acquisition import Daq
 
-BUFFER = 10.0  # Length of the buffer of a continuous acquisition, s: the longest delay of reading
 READS = (10.0, 100.0)
 """Smallest and largest number of reads per second, 1/s. With fewer, a killed process loses more
 samples; with more, the reading is too slow."""
@@ -44,8 +43,9 @@ class TaskPlan:
 
     @property
     def buffer(self) -> int:
-        """Samples of each channel that the buffer holds."""
-        return self.total or math.ceil(BUFFER * self.daq.sample_rate)
+        """Samples of each channel that the buffer holds; of a continuous acquisition, 10 s of them,
+        the longest delay of reading."""
+        return self.total or math.ceil(10.0 * self.daq.sample_rate)
 
 
 def plan_task(daq: Daq, duration_s: float | None, triggered: bool) -> TaskPlan:

@@ -14,7 +14,6 @@ from mcap.writer import CompressionType, Writer
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import (
-    CHUNK_SIZE,
     COPY,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
@@ -58,7 +57,7 @@ class McapWriter(Writer):
         """
         super().__init__(
             stream,
-            chunk_size=CHUNK_SIZE,
+            chunk_size=256 * 1024,  # bytes, uncompressed, at which a chunk is closed
             compression=CompressionType.ZSTD if compress else CompressionType.NONE,
             enable_data_crcs=True,  # the library's default leaves the end of the data unverified
         )

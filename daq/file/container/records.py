@@ -23,7 +23,6 @@ __all__ = ["MAGIC", "Opcode", "crc32"]
 
 LIBRARY = f"sautereau; {LIBRARY_IDENTIFIER}"
 """Library in the header of a file that `McapWriter` wrote: all its checksums are available."""
-CHUNK_SIZE = 256 * 1024  # Size in bytes, uncompressed, at which a chunk is closed
 COPY = " (copy)"
 """At the end of the name of a repeated Metadata record: viewers want names that are unique."""
 LARGEST_CHUNK = 32 * 1024**2  # Limit in bytes for any record and any unpacked chunk
