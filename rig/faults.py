@@ -14,7 +14,6 @@ from sautereau.rig.disk import named_text
 from sautereau.rig.errors import RigError
 from sautereau.rig.units import Unit, UnitBy, parse_quantity, readable_quantity, shown
 
-MOST_NAMES = 16  # That a message lists; more are not read
 MOST_FAULTS = 50
 """Faults that are listed one by one; the time for finding each line grows with the file."""
 
@@ -183,7 +182,7 @@ def near_miss(key: str, known: list[str]) -> str:
     elsewhere = [k for k in known if k.rpartition(".")[2] == last]
     if elsewhere:
         return f"; did you mean {elsewhere[0]!r}?"
-    if 0 < len(same_table) <= MOST_NAMES:
+    if 0 < len(same_table) <= 16:  # More are not read
         return f"; {section or 'the top level'} has {', '.join(sorted(set(same_table)))}"
     if same_table:
         return f"; `sautereau init` writes a file with all keys of {section or 'the top level'}"

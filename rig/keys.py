@@ -87,7 +87,7 @@ def _of_toml(path: Path, origin: str) -> tuple[Any, list[tuple[str, str, dict[st
     text, document = read_toml_file(path, origin, RigError)
     base, keys = document.pop("base", None), document.pop("keys", None)
     faults = [f"{name}: unknown key; write it into the tables of keys" for name in document]
-    if not isinstance(keys, dict) or not keys or not all(map(_is_table, keys.values())):
+    if not (keys and isinstance(keys, dict) and all(isinstance(k, dict) for k in keys.values())):
         faults.append("it has no table of a key; add [keys.NAME] for each")
     elif len(keys) > MOST_KEYS:
         faults.append(f"{len(keys)} keys, more than the limit {MOST_KEYS}; divide it")
@@ -97,10 +97,6 @@ def _of_toml(path: Path, origin: str) -> tuple[Any, list[tuple[str, str, dict[st
         (name, f"line {line_of(text, f'keys.{name}')}: {name}", dict(own))
         for name, own in keys.items()
     ]
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict)
 
 
 def _of_csv(path: Path, origin: str) -> list[tuple[str, str, dict[str, Any]]]:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from sautereau.rig.disk import read_limited, write_durably
 
-_LONGEST = 1000  # Bytes of a text that names a process; a longer one is not of this program
 _SHARED: dict[Path, int | None] = {}
 """Locks of this process that a thread may take once more: that thread; None while it has."""
 
@@ -117,7 +116,8 @@ def held_device(
 def _named(owner: Path) -> str:
     """Return the name of the process that holds a lock."""
     try:
-        text = read_limited(owner, _LONGEST).decode("utf-8", "replace").strip()
+        # A longer text would not be this program's.
+        text = read_limited(owner, 1000).decode("utf-8", "replace").strip()
     except OSError:
         text = ""
     return text or "another process"

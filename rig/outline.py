@@ -24,17 +24,10 @@ from sautereau.rig.units import parse_quantity, shown
 
 Floats = NDArray[np.float64]
 
-MOST_PLACES = 101  # Largest number of x positions taken directly from a contour's points
-READINGS = 1001  # Evenly spaced x positions at which a contour with more points is sampled
-THINNED_PLACES = 17
-"""x positions of the outline fitted to those samples, which averages out single pixels."""
 LEAST_POINTS = 6  # Smallest number of points of a contour
-FROM_CLAMP = 0.02
-"""Dimensionless, fraction of the length by which a contour may start past the clamp."""
 ENDS = 0.02
 """Dimensionless, fraction of the length near either end where a contour may go back and forth,
 as blunt ends do."""
-LEAST_TIP = 0.05  # Dimensionless, smallest thickness of the tip as a fraction of that at the clamp
 
 
 def read_outline(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -97,7 +90,7 @@ def split(contour: Floats) -> tuple[Floats, Floats, Floats]:
             f" {LEAST_POINTS} around the complete plectrum"
         )
     low, high = float(contour[:, 0].min()), float(contour[:, 0].max())
-    if high <= 0 or low > FROM_CLAMP * high:
+    if high <= 0 or low > 0.02 * high:
         raise ValueError(
             f"the contour reaches from x = {1e3 * low:.4g} to {1e3 * high:.4g} mm, which is not"
             " from the clamp at 0 mm to a tip; subtract the clamp's position from every x"
@@ -110,9 +103,9 @@ def split(contour: Floats) -> tuple[Floats, Floats, Floats]:
     start = max(low, 0.0)
     corners = np.unique(contour[:, 0])
     x = np.concatenate([[start], corners[(corners > start) & (corners < high)], [high]])
-    many = len(x) > MOST_PLACES
+    many = len(x) > 101
     if many:
-        x = np.linspace(start, high, READINGS)
+        x = np.linspace(start, high, 1001)
     else:
         x = x[np.append(True, np.diff(x) > 1e-4 * (high - start))]
         x[-1] = high
@@ -124,7 +117,7 @@ def _thinned(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Fl
     """Return the least-squares polyline with few vertices for each edge."""
     from scipy.interpolate import make_lsq_spline
 
-    places = np.linspace(x[0], x[-1], THINNED_PLACES)
+    places = np.linspace(x[0], x[-1], 17)  # Few, which averages out single pixels
     knots = np.concatenate([[x[0]], places, [x[-1]]])
     edges = (make_lsq_spline(x, edge, knots, k=1) for edge in (top, bottom))
     top, bottom = (edge(places) for edge in edges)
@@ -133,12 +126,13 @@ def _thinned(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Fl
 
 def _from_clamp(x: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats, Floats]:
     """Start at the clamp with the mid-line at 0, and give the tip its smallest thickness."""
-    if x[0] > 0:  # within FROM_CLAMP: the first section is the clamp's
+    if x[0] > 0:  # by 2 % of the length at most: the first section is the clamp's
         x = np.concatenate([[0.0], x[1:]])
     if top[0] <= bottom[0] and len(x) > 2:  # a rounded butt traced to a point
         top[0], bottom[0] = top[1], bottom[1]
     middle = (top[0] + bottom[0]) / 2
-    lack = max(LEAST_TIP * (top[0] - bottom[0]) - (top[-1] - bottom[-1]), 0.0)
+    # The tip has at least 5 % of the thickness at the clamp.
+    lack = max(0.05 * (top[0] - bottom[0]) - (top[-1] - bottom[-1]), 0.0)
     top[-1], bottom[-1] = top[-1] + lack / 2, bottom[-1] - lack / 2
     return x, top - middle, bottom - middle
 

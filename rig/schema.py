@@ -23,7 +23,6 @@ Stiffness = Annotated[float, Unit("N*m/rad", "27 N m/rad"), Field(gt=0)]
 Damping = Annotated[float, Unit("N*m*s/rad", "0.25 N m s/rad"), Field(ge=0)]
 GearRatio = Annotated[float, Field(gt=0)]
 Fraction = Annotated[float, Field(strict=True, gt=0, le=1)]
-LEAST_INTERVAL = 0.999e-6  # s, between the points of a gesture
 LONGEST_GESTURE = 60.0  # s
 
 
@@ -42,7 +41,7 @@ class Gesture(Section):
             faults.append(
                 f"gesture: {len(self.time)} times and {len(self.rise)} rises; give equally many"
             )
-        if self.time[0] != 0 or any(b - a < LEAST_INTERVAL for a, b in pairwise(self.time)):
+        if self.time[0] != 0 or any(b - a < 0.999e-6 for a, b in pairwise(self.time)):
             faults.append(
                 "gesture: time must start at 0 s and increase by 1 us or more; sort, shift or thin"
                 " out the times"

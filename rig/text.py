@@ -201,7 +201,6 @@ def _prose(docstring: str) -> str:
     return re.sub(r"\s+", " ", docstring).strip().replace("``", "`")
 
 
-_WIDTH = 88
 _ALIKE = "more_choirs"  # Table with the same inner tables as the first choir
 PARTS = {
     "instrument": ("key", "jack", "plectrum", "string"),
@@ -380,4 +379,4 @@ def _is_default(entry: KeyDescription, values: Any) -> bool:
 
 
 def _comment(text: str) -> list[str]:
-    return textwrap.wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="# ")
+    return textwrap.wrap(text, 88, initial_indent="# ", subsequent_indent="# ")

@@ -19,9 +19,6 @@ from sautereau.rig.schema import Rig
 LEAST_SPACE = 1e9  # Bytes that should be free for recordings: about 2,000 presses
 WRITTEN = 1 << 23  # Bytes that are written to measure the speed of a disk
 DISK_MARGIN = 5.0  # Dimensionless factor by which a disk should be faster than the acquisition
-SAMPLE_BYTES = 8
-BEHIND = 86_400.0
-"""s, by which the clock may be behind the dates of this program's files, set elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +194,7 @@ def disk_speed(folder: Path, daq: Daq) -> Finding:
         detail = f"no file can be written to {folder.resolve()}: {error.strerror}"
         return Finding(name, False, detail, elsewhere)
     speed = WRITTEN / (time.perf_counter() - start)
-    needed = SAMPLE_BYTES * len(daq.channels) * daq.sample_rate
+    needed = 8 * len(daq.channels) * daq.sample_rate
     enough = speed >= DISK_MARGIN * needed
     detail = f"{speed / 1e6:.3g} MB/s; the channels need {needed / 1e6:.3g} MB/s"
     return Finding(name, enough, detail, "" if enough else elsewhere)
@@ -212,7 +209,7 @@ def clock(now: float | None = None) -> Finding:
     now = time.time() if now is None else now
     detail = f"{datetime.fromtimestamp(now, UTC):%Y-%m-%d %H:%M:%S} UTC"
     newest = Path(__file__).stat().st_mtime
-    if now < newest - BEHIND:
+    if now < newest - 86_400.0:  # A day: the files may be from elsewhere
         installed = datetime.fromtimestamp(newest, UTC)
         detail += f", before this program was installed on {installed:%Y-%m-%d}"
         return Finding("clock", False, detail, "set the clock; recordings get their dates from it")

@@ -25,11 +25,7 @@ from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.sensors.fingertip import FingertipLoad
 from sautereau.sim_backend.sensors.simulated import SIMULATED
 
-SETTLING = 2.0  # s, for which simulated time advances after a motion, so that the arm comes to rest
 BUSY = 20.0  # s of real time, in which a busy machine has computed any answer without faults
-TICK = 1e-3
-"""s, about a sample of the controller: longest time by which the bench is ahead of real time."""
-LONGEST_WAIT = 60.0  # s of simulated time that may pass before a command is carried out
 
 
 class Bench:
@@ -110,14 +106,15 @@ class Bench:
         """
         with self._lock:
             if data and not self.paced:
-                latest = self.world.time + LONGEST_WAIT
+                latest = self.world.time + 60.0  # s, in which a command is carried out
                 self._lock.wait_for(
                     lambda: not self.busy or self._closing.is_set() or self.world.time > latest
                 )
             if self.failure is not None:
                 raise PortGone
             if data and self.paced:  # a tick is computed ahead: wait until its time has passed
-                time.sleep(min(max(0.0, self.time - self.passed), TICK))
+                # About a sample of the controller.
+                time.sleep(min(max(0.0, self.time - self.passed), 1e-3))
             receive = self.firmware.receive
             if letter != SERIAL:
                 receive = partial(self._networked.receive, letter=letter)
@@ -200,7 +197,8 @@ class Bench:
             return False
         if firmware.moving or (self.paced and firmware.watching) or self.card.busy:
             return True
-        return self.world.time - self._last_motion < SETTLING and not self.world.finger.settled
+        # s, in which the arm comes to rest after a motion.
+        return self.world.time - self._last_motion < 2.0 and not self.world.finger.settled
 
     @property
     def awaited(self) -> bool:

@@ -9,11 +9,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-SLICE = 2e-3  # s of real time, after which the clock releases the lock to the other threads
-LATEST = 2e-4
-"""s, by which a paced clock may be late and catch up, for sleeping is not exact. If it is later,
-simulated time falls behind: a device that caught up would have samples before their time."""
-
 
 class FairLock:
     """A lock that waiting threads get in order of arrival, with a condition to wait for.
@@ -90,7 +85,9 @@ class Clock:
                 if self._stopping:
                     return
                 late = time.perf_counter() - self._ahead - bench.time
-                if idle or late > LATEST:
+                # s, for sleeping is not exact. A clock that is later falls behind: a device that
+                # caught up would have samples before their time.
+                if idle or late > 2e-4:
                     self._ahead += late
                 try:
                     self._advance()
@@ -102,11 +99,11 @@ class Clock:
             time.sleep(max(0.0, bench.time - self.passed) if self._paced else 0)
 
     def _advance(self) -> None:
-        """Do one sample if paced; else as many as `SLICE` allows while no thread waits."""
+        """Do one sample if paced; else as many as 2 ms allow while no thread waits."""
         bench = self._bench
         bench.tick()
         if self._paced:
             return
-        end = time.perf_counter() + SLICE
+        end = time.perf_counter() + 2e-3
         while bench.busy and not bench.awaited and time.perf_counter() < end:
             bench.tick()

@@ -41,8 +41,6 @@ SLOWER_PRESS = (
 
 SINGULARITY_MARGIN = np.radians(5.0)  # rad, least distance of joint 2 from straight and from folded
 INSIDE = np.linspace(0.0, 1.0, 5)  # Points at which each segment is sampled
-STOPPED = np.linspace(0.25, 1.0, 4)
-"""Fractions of the slower joint's stop at which a stop is sampled."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +205,8 @@ def depth_and_stops(rig: Rig, sampled: Sampled) -> list[Check]:
     # Each joint decelerates independently, at its acceleration limit, as in a controller's stop.
     speed = np.abs(velocity)
     slower = np.maximum(speed[..., 0], speed[..., 1])[..., None]
-    left = np.maximum(speed - STOPPED[:, None, None, None] * slower, 0.0)
+    stopped = np.linspace(0.25, 1.0, 4)[:, None, None, None]  # Fractions of the slower one's stop
+    left = np.maximum(speed - stopped * slower, 0.0)
     turned = np.copysign((speed**2 - left**2) / (2 * arm.acceleration_limit), velocity)
     stopping = position + turned
     stopped, spare = stopping[-1], np.inf

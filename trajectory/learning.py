@@ -36,18 +36,11 @@ from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import JerkLaw, PressLaw, spline_law
 
 CUTOFF = 200.0  # Cut-off frequency of Q (Hz)
-BANDWIDTH = 1000.0  # Bandwidth of the speed error (Hz). Above it the vibrometer's noise dominates.
 KNOT = 2  # Controller samples between knots of a correction, the grain of PVT segments
 FADE_IN = 4e-3  # s, over which learning is faded in from the start of the run-up
 IMPROVEMENT = 0.05  # Dimensionless, fraction by which an error must fall to count as an improvement
 PATIENCE = 2  # Presses without improvement after which learning stops
-DIVERGENCE = 1.5  # Dimensionless, error relative to the best one above which learning stops at once
-UNEXPLAINED = 0.3
-"""Dimensionless, part of the lag that a fit of how the arm yields may leave. Position loops of 3 to
-27 N m/rad leave 0.03 to 0.28; a coarse encoder or backlash leaves 0.5 to 0.8, and there such a fit
-increases the error."""
 
-LEAST_INTERVAL = 0.999e-6  # s, between the knots of a correction
 LARGEST_RISE = 1.0  # m, that a correction may add
 LEAST_APART = 1e-4  # s, between two events that are shifted on their own
 NEVER: Floats = np.empty((0, 2))  # Contact and release of no string
@@ -74,7 +67,7 @@ class Correction:
             fault = f"{shapes}; give 3 or more of each"
         elif not (np.isfinite(self.time).all() and np.isfinite(self.rise).all()):
             fault = "a time or a rise is not finite; learn again"
-        elif (np.diff(self.time) < LEAST_INTERVAL).any():
+        elif (np.diff(self.time) < 0.999e-6).any():
             fault = "its times do not increase by 1 us or more; sort them, or thin them out"
         elif np.abs(self.rise).max() > LARGEST_RISE:
             fault = (
@@ -131,7 +124,7 @@ def speed_error(law: PressLaw, time: Floats, speed: Floats, held: Floats = NEVER
         TrajectoryError: The times do not cover the cruise, or a speed is not finite.
     """
     _check(law, time, speed)
-    filtered = _low_pass(speed, BANDWIDTH, time)
+    filtered = _low_pass(speed, 1000.0, time)  # Hz; above it the vibrometer's noise dominates
     spans = held if len(held) else [(law.cruise_start, law.cruise_end)]
     inside = np.any([(time >= first) & (time <= last) for first, last in spans], axis=0)
     planned = law.law.at(time[inside]).velocity
@@ -220,7 +213,7 @@ def _response(
 ) -> Callable[[Floats], Floats]:
     """Return a function from forces [N] to the lag [m] of the jack by which the arm yields.
 
-    It is 0 where the force does not explain the lag; see `UNEXPLAINED`.
+    It is 0 where the force does not explain the lag.
 
     Args:
         late: m/s, the sent less the measured speed of the jack.
@@ -239,7 +232,9 @@ def _response(
     least = [0.0, 0.0, 0.0, -np.inf]  # an arm that yields towards the force cannot be inverted
     lag = np.cumsum(late)[fitted] * step
     found = lsq_linear(columns / scales, lag, (least, np.inf))
-    if np.std(found.fun) > UNEXPLAINED * np.std(lag):
+    # Position loops of 3 to 27 N m/rad leave 0.03 to 0.28 of the lag; a coarse encoder or backlash
+    # leaves 0.5 to 0.8, and there such a fit increases the error.
+    if np.std(found.fun) > 0.3 * np.std(lag):
         return np.zeros_like
     compliance, damping, inertia, _ = found.x / scales
     # By the trapezoidal rule: d' is 2/step (1 - z)/(1 + z), with a delay z of one step.
@@ -365,7 +360,7 @@ class Learner:
             fast = deviation - _low_pass(deviation, CUTOFF, time)
             planned = self.law.law.at(time).velocity
             self.fast = speed_error(self.law, time, planned + fast, held)
-        if error > DIVERGENCE * least:
+        if error > 1.5 * least:
             self.stopped = (
                 f"the error grew to {error * 100:.3g} % from {least * 100:.3g} %; the best"
                 " correction is kept"

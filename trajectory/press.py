@@ -25,10 +25,7 @@ from sautereau.trajectory.timing import PressLaw, approach_law, press_law
 
 FINE = np.linspace(0.0, 1.0, 65)
 """Points in each segment of the cruise at which its speed is evaluated."""
-USUAL_DAMPING = 0.7  # Of the critical one, of position loops without `arm.servo_damping`
-SUBSTEPS = 4  # Steps of a loaded motion in a sample of the controller
 PROBE = 1e-6  # m, rise over which the slope of the expected force is taken
-LOWEST_RISE = -1e-5  # m, rise of a gesture below which there is a warning
 
 
 @dataclass(frozen=True)
@@ -228,8 +225,8 @@ def _loaded_speed_error(
     masses = mass_matrix(rig.arm, joints) + carried * levers[:, :, None] * levers[:, None, :]
     if damping is None:
         own = np.diagonal(masses, axis1=1, axis2=2).mean(0)
-        damping = 2 * USUAL_DAMPING * np.sqrt(own * stiffness)
-    steps = np.arange(time[0], time[down][-1], (time[1] - time[0]) / SUBSTEPS)
+        damping = 2 * 0.7 * np.sqrt(own * stiffness)  # Of the critical one, as usual position loops
+    steps = np.arange(time[0], time[down][-1], (time[1] - time[0]) / 4)
     columns = np.column_stack([path.rise.position[down], levers, per_tip, masses.reshape(-1, 4)])
     rows = np.stack([np.interp(steps, time[down], column) for column in columns.T], 1)
     h, at_rest = steps[1] - steps[0], float(expected.force_at(path.rise.position[:1])[0])
@@ -269,7 +266,7 @@ def _too_short(law: PressLaw, period: float) -> str:
 def _warnings(
     law: PressLaw, cruise: Cruise, lowest: float, expected: Expectation | None
 ) -> tuple[str, ...]:
-    if lowest < LOWEST_RISE:
+    if lowest < -1e-5:  # m
         return (
             f"the spline through press.gesture falls to {lowest * 1e3:.4g} mm, where the finger"
             " leaves the key; give more samples around its rests",

@@ -15,14 +15,11 @@ from sautereau.trajectory.segments import Counts, Segments
 from sautereau.trajectory.timing import JerkLaw, PressLaw
 
 GRAIN = 2  # Controller samples; the duration of every segment is a multiple, as PVT mode requires
-VELOCITY_GRAIN = 2
-"""Counts per second; every velocity at a knot is a multiple, as PVT mode requires."""
 STEADY_COUNTS = 20_000
 """Counts moved by the slower joint between knots at constant speed: a knot is rounded by at most
 half a count, so longer segments have a smaller error of speed, until the cubic no longer follows
 the finger's path: at 0.072 m/s about 100 ms are followed to 1e-4."""
 LONGEST_SEGMENT = 1024  # Longest segment in controller samples
-SLOW_GRAINS = 2  # Grains between knots in long intervals of varying speed, such as gestures
 ROUNDING_FRACTION = 0.1
 """Dimensionless, largest acceleration by rounding to counts, relative to the joints' limit."""
 
@@ -66,7 +63,7 @@ def quantise(rig: Rig, law: JerkLaw, joints: Motion, stroke: PressLaw | None = N
     period = rig.controller.sample_period
     exact = joints.position * counts_per_radian
     rounded = np.rint(exact)
-    rates = VELOCITY_GRAIN * np.rint(joints.velocity * counts_per_radian / VELOCITY_GRAIN)
+    rates = 2 * np.rint(joints.velocity * counts_per_radian / 2)  # Even, as PVT mode requires
     # A cubic with errors of half a count at both ends has an acceleration error of 6 counts / T^2.
     coarse = 6 / counts_per_radian / (ROUNDING_FRACTION * rig.arm.acceleration_limit)
     longest, limit = LONGEST_SEGMENT // GRAIN, most_segments(rig)
@@ -190,7 +187,7 @@ def _knots(law: JerkLaw, speed: Floats, rounding: Floats, period: float, grains:
         if not steady:
             low, high = int(start), min(last, int(np.ceil(stop - 1e-9)))
             # A long interval varies slowly, and longer segments have a smaller rounding error.
-            apart = max(grains, min(SLOW_GRAINS, (high - low) // 16))
+            apart = max(grains, min(2, (high - low) // 16))
             pieces = int(np.ceil((high - low) / apart))
             chosen |= set(np.linspace(low, high, pieces + 1).astype(int).tolist())
             continue

@@ -16,7 +16,6 @@ from sautereau.trajectory.key import rise_of_angle
 WIDTH = 0.012  # m, of the links as they are drawn
 JACK = 0.1  # m, length of the jack as it is drawn
 KEY_LIMIT = math.radians(10)  # rad, of the key's angle; no key reaches it
-UNLIMITED = 1e3  # N, N m, m/s or rad/s where nothing limits a joint that no motor drives
 
 
 def rig_urdf(rig: Rig) -> str:
@@ -38,7 +37,7 @@ def rig_urdf(rig: Rig) -> str:
         half=JACK / 2,
         most=KEY_LIMIT,
         rises=[float(rise_of_angle(key, angle)) for angle in (-KEY_LIMIT, KEY_LIMIT)],
-        unlimited=UNLIMITED,
+        unlimited=1e3,  # N, N m, m/s or rad/s, where no motor drives the joint
     )
 
 

@@ -37,7 +37,6 @@ from sautereau.trajectory.motion import Floats
 KEYS = ("path", "session", "plectrum", "rig")
 """Columns of a campaign by which a table of judgements may identify presses."""
 JUDGED = "judged"  # Column of what a row of a table of judgements names; null of a press
-MOST_LISTED = 20  # Largest number of faults that a message lists
 
 
 def judgements(
@@ -104,7 +103,7 @@ def with_labels(campaign: Campaign, path: Path) -> Campaign:
         if given.setdefault(name, label) != label:
             faults.append(f"row {line}: {key} {shown(name)} has two judgements; give one")
     if faults:
-        raise AnalysisError(fault_list(origin, faults[:MOST_LISTED]))
+        raise AnalysisError(fault_list(origin, faults[:20]))
     before = table[TOUCH].to_pylist() if TOUCH in table.column_names else [None] * len(table)
     names = table[key].to_pylist()
     labels = [given.get(n, b) for n, b in zip(names, before, strict=True)]

@@ -33,16 +33,12 @@ PLECTRUM = {
     "friction": "1",
     **DESCRIPTORS,
 }  # Numbers of a plectrum, with their units
-TIP = 0.1  # Part of the length over which the tip, which may be rounded, is averaged
 SHAPE = tuple(
     f"plectrum_{name}"
     for name in ("length", "width", "thickness", "tip_thickness", "overlap", "youngs_modulus")
 )  # Columns of a plectrum's shape and material. Those that vary get an exponent
 CONDITIONS = ("jack_speed", "string_stiffness")  # Change a plectrum's touch; get an exponent
 LEAST_RANGE = 1e-6  # Range of a column's logarithm below which the column counts as constant
-LEAST_SINGULAR = 1e-3
-"""Ratio of the smallest to the largest singular value of the normalised regressors below which they
-are collinear. Their exponents are not identifiable then."""
 
 
 def numbers_of(plectrum: Plectrum) -> dict[str, float]:
@@ -71,7 +67,8 @@ def numbers_of(plectrum: Plectrum) -> dict[str, float]:
         bent = integral(lambda x, h: (s - x) ** 2 * (profile.clamp_thickness / h) ** 3, 0.0, s)
         return bent * length**3 / root
 
-    taper = integral(lambda _, h: profile.clamp_thickness - h, 1 - TIP, 1.0) / TIP
+    # Over the last tenth, for the tip may be rounded.
+    taper = integral(lambda _, h: profile.clamp_thickness - h, 0.9, 1.0) / 0.1
     values = {name: getattr(plectrum, name) for name in ("length", "width", "overlap", "friction")}
     return values | {
         "youngs_modulus": plectrum.modulus,
@@ -122,4 +119,5 @@ def collinear(columns: dict[str, Floats]) -> bool:
         return False
     matrix = np.column_stack(list(columns.values()))
     singular = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0), compute_uv=False)
-    return bool(singular[-1] <= LEAST_SINGULAR * singular[0])
+    # Else they are collinear, and their exponents are not identifiable.
+    return bool(singular[-1] <= 1e-3 * singular[0])

@@ -23,10 +23,7 @@ from sautereau.analysis.session.repeatability import COVERAGE, Spread
 from sautereau.trajectory.motion import Floats
 
 LOG_RANGE = 8.0  # Logarithm of a ratio of standard deviations from which the smaller counts as 0
-GRID = 21  # Values of each logarithm in the first search. It finds the deeper of two minima.
-FINER_GRID = 7  # Values in each further search, between the two neighbours of the best value so far
 LOG_TOLERANCE = 1e-3  # Tolerance of a logarithm
-SAME_DEVIANCE = 1e-4  # Largest difference of two deviances that count as equal
 ROUNDING = 1e-9  # Largest ratio of spread to magnitude of the values that is attributed to rounding
 
 
@@ -246,7 +243,7 @@ def fit_nested(data: Nested, *, subgroups: bool, groups: bool) -> Components:
     for i in range(len(free)):
         without = best.copy()
         without[i] = -np.inf
-        if profiled(without[None])[0][0] <= least + SAME_DEVIANCE:
+        if profiled(without[None])[0][0] <= least + 1e-4:  # The two deviances count as equal
             best = without
     logs = np.full(3, -np.inf)
     logs[0] = profiled(best[None])[1][0]
@@ -283,13 +280,13 @@ def _minimum(function: Callable[[Floats], Floats], middle: Floats) -> tuple[Floa
     """
     if not len(middle):
         return middle, float(function(middle[None])[0])
-    reach, points = LOG_RANGE, GRID
+    reach, points = LOG_RANGE, 21  # Values of each logarithm; they find the deeper of two minima
     while True:
         steps = [np.linspace(m - reach, m + reach, points) for m in middle]
         places = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, len(middle))
         found = function(places)
         best = int(np.argmin(found))
         middle = places[best]
-        reach, points = 2 * reach / (points - 1), FINER_GRID
+        reach, points = 2 * reach / (points - 1), 7  # Between the neighbours of the best so far
         if reach < LOG_TOLERANCE:
             return middle, float(found[best])

@@ -30,7 +30,6 @@ Result = TypeVar("Result")
 Where = int | str  # Processes here, where 1 is the calling one, or the address of a Dask scheduler
 
 LIBRARIES = ("numpy", "scipy")  # Those that compute the results besides sautereau
-QUEUED = 3  # Items that are queued for each worker
 BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Environment variables for the number of threads of numpy's linear algebra; 1 in each worker."""
 TIMEOUT = 10.0  # s, for a scheduler to answer, and to have a worker
@@ -106,11 +105,11 @@ def _on_cores(
 def _through(
     pool: Executor, function: Callable[[Item], Result], items: Sequence[Item], workers: int
 ) -> Iterator[tuple[int, Result]]:
-    """Yield the results of an executor, for which at most `QUEUED` items per worker wait."""
+    """Yield the results of an executor, for which at most three items per worker wait."""
     waiting: dict[Future[Result], int] = {}
     for i, item in enumerate(items):
         waiting[pool.submit(function, item)] = i
-        limit = QUEUED * workers if i + 1 < len(items) else 1
+        limit = 3 * workers if i + 1 < len(items) else 1
         while len(waiting) >= limit:
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                 yield waiting.pop(future), future.result()

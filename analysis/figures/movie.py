@@ -38,9 +38,6 @@ from sautereau.rig.disk import make_folder, new_file
 from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
-SIZE = (9.6, 6.4)  # Size of the figure (in): 960 by 640 pixels
-DPI = 100  # Pixels per inch
-
 
 @dataclass(frozen=True)
 class Panel:
@@ -59,7 +56,7 @@ def animation_figure(scene: Replay, slow: float) -> tuple[Figure, list[Panel]]:
     Args:
         slow: Duration of the animation over that of the press, dimensionless.
     """
-    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(9.6, 6.4), dpi=100, layout="constrained")  # 960 by 640 pixels
     grid = figure.add_gridspec(3, 2, height_ratios=(1.9, 1.0, 1.3), width_ratios=(1.15, 1))
     parts: list[Panel] = [
         _bench(figure.add_subplot(grid[0, 0]), scene),
@@ -192,8 +189,6 @@ def _trace(axes, scene: Replay, column: str, scale: float, label: str) -> Panel:
 
 FRAME_RATE = 25  # Hz, frames per second
 MOST_FRAMES = 1500
-COLOURS = 128  # Number of colours of a GIF's palette
-SAMPLED = 40  # Every SAMPLED-th frame is used to choose the palette
 
 
 def frame_times(start: float, stop: float, slow: float) -> Floats:
@@ -277,9 +272,9 @@ def _writer(path: Path) -> Callable[[BinaryIO, Replay], None]:
 
 def _write_gif(file: BinaryIO, scene: Replay) -> None:
     # One palette for all frames, so that unchanged pixels are stored once.
-    sample = [np.asarray(p) for p in pictures(scene, range(0, len(scene.time), SAMPLED))]
+    sample = [np.asarray(p) for p in pictures(scene, range(0, len(scene.time), 40))]
     every = Image.fromarray(np.concatenate(sample))
-    palette = every.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    palette = every.quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     reduced = (
         frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in _all_pictures(scene)
     )

@@ -26,16 +26,11 @@ JACK = 80e-3  # Distance from a jack's lower end to its plectrum (m)
 HEAD = 9e-3  # Distance from the plectrum to the top of the jack (m)
 WIDTH = 4e-3  # Width of a jack beside the key (m)
 UNDER = 8e-3  # Thickness of the key below its pin (m)
-KEY_HEAD = 14e-3  # Length of the key behind its last jack (m)
 BODY = 3.0e-3  # Width of a jack's body behind its tongue (m)
 AXLE = 1.3e-3  # Width of a tongue (m)
-PIVOT = 12e-3  # Depth of a tongue's pivot below the plectrum if the rig has no tongue (m)
-TOP = 1.2e-3  # Length of a tongue above the plectrum (m)
 LONG = 30e-3  # Length of a jack's body above and below the plectrum; part of it is visible (m)
 FELT_HEIGHT = 1.4e-3  # Height of an unloaded damper felt (m)
 HALF_FELT = 0.9e-3  # Half the width of a damper felt (m)
-RIGHT = 2.4e-3  # Visible width beyond the string (m)
-DEEPEST = 2.5e-3  # Largest visible depth of the plectrum below the string (m)
 BESIDE = 0.8e-3  # Margin above and below (m)
 
 
@@ -81,7 +76,8 @@ def upwards(z: Floats) -> Floats:
 def head_parts(motion: ChoirMotion) -> list[Part]:
     """Return a jack's head: body, tongue, plectrum, damper and wire."""
     choir, risen = motion.choir, upwards(motion.height)
-    pivot, radius = choir.jack.tongue.pivot if choir.jack.tongue else PIVOT, _radius(choir)
+    # 12 mm below the plectrum if the rig has no tongue.
+    pivot, radius = choir.jack.tongue.pivot if choir.jack.tongue else 12e-3, _radius(choir)
     edge, clamp = clamp_place(choir) - AXLE, clamp_place(choir)
     swung = {"shift": risen, "turn": motion.tongue, "pivot": (clamp, -pivot)}
     body = [[-BODY, -LONG], [AXLE, -LONG], [AXLE, -pivot - 1e-3], [0, -pivot - 1e-3]]
@@ -90,7 +86,7 @@ def head_parts(motion: ChoirMotion) -> list[Part]:
     return [
         *_damper(motion, edge),
         Part("body", body, risen),
-        Part("tongue", box(edge, -pivot, clamp, TOP), **swung),
+        Part("tongue", box(edge, -pivot, clamp, 1.2e-3), **swung),  # 1.2 mm above the plectrum
         Part("plectrum", bent, **swung),
         Part("path", motion.wire, closed=False),
         Part("wire", np.zeros((1, 2)), motion.wire[:, 0], radius=radius),
@@ -99,10 +95,11 @@ def head_parts(motion: ChoirMotion) -> list[Part]:
 
 def head_view(motion: ChoirMotion) -> tuple[float, float, float, float]:
     """Return the left, lower, right and upper limits [m] of the drawing of a jack's head."""
-    low = max(-DEEPEST, motion.height.min()) - BESIDE
+    low = max(-2.5e-3, motion.height.min()) - BESIDE  # The plectrum is visible to 2.5 mm
     low -= 2 * _radius(motion.choir) + motion.choir.plectrum.clamp_thickness
     high = motion.wire[..., 1].max() + FELT_HEIGHT + BESIDE
-    return clamp_place(motion.choir) - AXLE - 1.3 * BODY, float(low), RIGHT, float(high)
+    # 2.4 mm beyond the string are visible.
+    return clamp_place(motion.choir) - AXLE - 1.3 * BODY, float(low), 2.4e-3, float(high)
 
 
 def clamp_place(choir: Choir) -> float:
@@ -159,7 +156,7 @@ def string_height(rig: Rig, choir: Choir) -> float:
 def key_outline(rig: Rig) -> Floats:
     """Return the outline [m] of a key at rest from its side, shape (n, 2)."""
     key = rig.key
-    back = max(choir.jack_arm for choir in choirs(rig)) + KEY_HEAD
+    back = max(choir.jack_arm for choir in choirs(rig)) + 14e-3  # 14 mm behind its last jack
     front, top, rear = -key.front_arm, key.surface_height, key.jack_surface_height
     return np.array(
         [[front, -UNDER], [front, top], [0, top], [0, rear], [back, rear], [back, -UNDER]]

@@ -70,8 +70,6 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
 
 
 MOST = 8  # Maximum number of presses in one plot
-MARGIN = 0.15  # Time before the start and after full rise, over that between them
-COVERAGE = 1.96  # Half width of a band in standard uncertainties: 95 %
 
 
 def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
@@ -102,7 +100,8 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
 
 def _complete(axes: Axes, press: Press, found: Phases) -> None:
     time = press.time * 1e3
-    spare = MARGIN * max(found.bottom - found.start, 1e-3)
+    # Of the time from the start to the full rise.
+    spare = 0.15 * max(found.bottom - found.start, 1e-3)
     inside = slice(*time.searchsorted([(found.start - spare) * 1e3, (found.bottom + spare) * 1e3]))
     if inside.stop - inside.start < 2:
         inside = slice(None)
@@ -163,7 +162,7 @@ def _close(axes: Axes, press: Press, found: Phases) -> None:
 
 
 def _boundary(axes: Axes, instant: float, std: float, colour: str, dashes: str, name: str) -> None:
-    half = COVERAGE * std
+    half = 1.96 * std  # 95 %
     label = f"{name}: {instant * 1e3:.3f} ± {std * 1e3:#.2g} ms"
     axes.axvspan((instant - half) * 1e3, (instant + half) * 1e3, color=colour, alpha=0.25, lw=0)
     axes.axvline(instant * 1e3, color=colour, ls=dashes, lw=1.2, label=label)

@@ -12,7 +12,7 @@ and key, and c the drift of the integrated speed. Force and speed are samples of
 that this aligns the force as well.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -30,17 +30,12 @@ from sautereau.trajectory.arm import jack_under_finger
 from sautereau.trajectory.motion import Floats, Motion
 
 STEP = 1e-3  # s, between the starts tried first
-PHASES = (-0.375, -0.125, 0.125, 0.375)
-"""Counts by which each encoder is turned in turn to estimate the effect of its resolution."""
 BLOCKS = 10  # Parts of the motion that are omitted in turn to estimate the uncertainty
-MOST_UNEXPLAINED = 0.1
-"""Dimensionless, RMS residual relative to the RMS of the rise, above which the two do not show the
-same motion."""
 
 
 def find_start(
     rig: Rig,
-    velocity: Floats,
+    volts: Floats,
     first: float,
     rate: float,
     times: Floats,
@@ -54,7 +49,7 @@ def find_start(
     encoders that are turned by fractions of a count would read it.
 
     Args:
-        velocity: V, of the velocity channel; shape (n,).
+        volts: V, of the rig's channels; shape (channels, n).
         first: s, time of the first sample.
         rate: Hz.
         times: s, of the encoders' readings after the motion's start, on the controller's clock;
@@ -72,7 +67,7 @@ def find_start(
     if channel is None:
         raise AnalysisError("alignment: the rig has no velocity channel")
     early = ceil(max(0.0, -channel.lag * rate))
-    speed = restored(velocity, channel, rate, early)
+    speed = restored(volts[rig.daq.channels.index(channel)], channel, rate, early)
     rise = columns_of(rig.key, speed, np.zeros_like(speed), rate)[4]
     clock = first + early / rate + np.arange(len(rise)) / rate
     kept = (times - latest >= clock[0]) & (times + latest <= clock[-1])
@@ -85,7 +80,7 @@ def find_start(
     near = float(starts[np.argmin([seen.misfit(times, wanted, start) for start in starts])])
     start = seen.start(times, wanted, near)
     unexplained = np.sqrt(seen.misfit(times, wanted, start)) / np.std(wanted)
-    if not unexplained <= MOST_UNEXPLAINED:
+    if not unexplained <= 0.1:  # The two do not show the same motion
         raise AnalysisError(
             "alignment: encoders and vibrometer do not show the same motion (residual"
             f" {100 * unexplained:.0f} % of it)"
@@ -94,10 +89,14 @@ def find_start(
     without = [
         seen.start(np.delete(times, block), np.delete(wanted, block), start) for block in blocks
     ]
-    turned = [
-        seen.start(times, _rise_of_joints(rig, reading), start)
-        for reading in _turned(seen.rise_at(times + start), joints, rig.arm.radians_per_count)
-    ]
+    # Readings of encoders that are turned by fractions of a count, of the smooth motion in which
+    # the joints are cubic functions of the rise.
+    rises, turned, count = seen.rise_at(times + start), [], rig.arm.radians_per_count
+    smooth = np.stack([np.polyval(np.polyfit(rises, q, 3), rises) for q in joints.T], -1)
+    for turn in product((-0.375, -0.125, 0.125, 0.375), repeat=2):
+        phase = np.array(turn) * count
+        reading = np.rint((smooth - phase) / count) * count + phase
+        turned.append(seen.start(times, _rise_of_joints(rig, reading), start))
     jackknife = (BLOCKS - 1) * np.var(without)
     return start, float(np.sqrt(jackknife + np.var(turned) + (0.5 / rate) ** 2))
 
@@ -126,17 +125,6 @@ class _Seen:
         misfit: Callable[[float], float] = partial(self.misfit, times, wanted)
         found: Any = fminbound(misfit, near - 10 * STEP, near + 10 * STEP, xtol=1e-7)
         return float(found)
-
-
-def _turned(rise: Floats, joints: Floats, count: float) -> Iterator[Floats]:
-    """Yield readings [rad] of encoders that are turned by fractions of a count.
-
-    The smooth motion that they read is that of the joints as cubic functions of the rise.
-    """
-    smooth = np.stack([np.polyval(np.polyfit(rise, q, 3), rise) for q in joints.T], -1)
-    for turn in product(PHASES, PHASES):
-        phase = np.array(turn) * count
-        yield np.rint((smooth - phase) / count) * count + phase
 
 
 def _rise_of_joints(rig: Rig, joints: Floats) -> Floats:

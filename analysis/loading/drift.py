@@ -12,21 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sautereau.analysis.remark import Remark
-from sautereau.daq.signals.calibration import NORMAL, median, white_noise
+from sautereau.daq.signals.calibration import MAD_TO_STD, median, white_noise
 from sautereau.trajectory.motion import Floats
 
 BLOCK = 1e-3  # s, of the block means by which rest and motion are distinguished
-LEAVES = 0.02
-"""Dimensionless, fraction of the largest change of the force from which on it is no rest."""
 LEAST_REST = 5e-3  # s, shortest rest
-MARGIN = 2  # Blocks before and after the motion that count as motion
-MOVES = 3e-3  # Dimensionless, fraction of the largest speed from which on the key moves
-NOISY = 0.05  # Dimensionless, fraction of the largest speed below which a scatter at rest is noise
-LARGEST_OFFSET = 0.02
-"""Dimensionless, fraction of the largest speed above which a steady speed is motion, not offset."""
-LARGEST_COMMON = 0.2
-"""Dimensionless, the same of a speed that is equal at both ends of the recording."""
-LEAST_STD = 1e-5  # m/s, smallest standard deviation of the mean velocity at rest
 AT_START = 0.0, 5e-6  # m, the place of a key that returns, and its standard deviation
 RETURNED = 0.05
 """Dimensionless, fraction of the largest deflection within which the key has returned."""
@@ -83,14 +73,16 @@ def find_rests(velocity: Floats, rate: float) -> Rests:
     forwards = velocity[: n_blocks * size].reshape(-1, size) @ weights
     backwards = (velocity[len(velocity) - n_blocks * size :].reshape(-1, size) @ weights)[::-1]
     fastest = float(np.abs(forwards).max())
-    least = max(MOVES * fastest, 6 * white_noise(velocity) / math.sqrt(size))
+    # From 0.3 % of the largest speed on, the key moves.
+    least = max(3e-3 * fastest, 6 * white_noise(velocity) / math.sqrt(size))
     ends = forwards, backwards
     levels = [median(means[: int(LEAST_REST / BLOCK)]) for means in ends]
     common = abs(levels[0] - levels[1]) <= least
-    common = common and max(map(abs, levels)) <= LARGEST_COMMON * fastest
+    # An offset, where both ends have the same speed.
+    common = common and max(map(abs, levels)) <= 0.2 * fastest
     lengths = [
         _steady(means, level, least, fastest) * size
-        if common or abs(level) <= LARGEST_OFFSET * fastest
+        if common or abs(level) <= 0.02 * fastest  # A larger steady speed is motion, not offset
         else 0
         for means, level in zip(ends, levels, strict=True)
     ]
@@ -113,7 +105,8 @@ def departure(force: Floats, rate: float) -> int:
         return 0
     level = median(means[: round(2 * LEAST_REST / BLOCK)])
     away = np.abs(means - level)
-    moving = away > max(LEAVES * float(away.max()), 6 * white_noise(force) / math.sqrt(size))
+    # From 2 % of the largest change on, the force is not at rest.
+    moving = away > max(0.02 * float(away.max()), 6 * white_noise(force) / math.sqrt(size))
     first = int(np.argmax(moving)) * size
     return first if first >= LEAST_REST * rate else 0
 
@@ -260,9 +253,11 @@ def _steady(means: Floats, level: float, least: float, fastest: float) -> int:
     """Return the number of blocks at this level, counted from the first."""
     # The scatter of the first block means contains 1/f noise, which `white_noise` omits.
     steps = np.abs(np.diff(means[: 2 * round(LEAST_REST / BLOCK)]))
-    scatter = median(steps) * NORMAL / math.sqrt(2)
-    moving = np.abs(means - level) > max(least, min(6 * scatter, NOISY * fastest))
-    return max(0, int(np.argmax(moving)) - MARGIN) if moving.any() else len(means)
+    scatter = median(steps) * MAD_TO_STD / math.sqrt(2)
+    # A scatter at rest below 5 % of the largest speed is noise.
+    moving = np.abs(means - level) > max(least, min(6 * scatter, 0.05 * fastest))
+    # Two blocks beside the motion count as motion.
+    return max(0, int(np.argmax(moving)) - 2) if moving.any() else len(means)
 
 
 def _span(rows: slice, rate: float, start: float) -> tuple[float, float] | None:
@@ -272,7 +267,8 @@ def _span(rows: slice, rate: float, start: float) -> tuple[float, float] | None:
 
 
 def _level(signal: Floats) -> tuple[float, float]:
-    return float(signal.mean()), max(LEAST_STD, white_noise(signal) / math.sqrt(len(signal)))
+    # The smallest standard deviation of a mean velocity is 0.01 mm/s.
+    return float(signal.mean()), max(1e-5, white_noise(signal) / math.sqrt(len(signal)))
 
 
 def _middle(rows: slice, rate: float) -> float:

@@ -63,8 +63,6 @@ warning."""
 FORCE_DRIFT = 2e-3
 """Dimensionless, fraction of the largest force up to which nothing is said about a doubtful offset.
 It is a warning above the channel's `gain_std`."""
-SMOOTH = 1e-3  # s, longest half-width of the slope that gives the acceleration of the fixture
-FORCE_MEAN = 1e-3  # s, of a mean whose noise hides such an error as well
 
 
 @dataclass(frozen=True)
@@ -475,7 +473,8 @@ def _without_fixture(
     of_velocity = mass * rig.key.press_arm / rig.key.laser_arm
     noise, limit = of_velocity * white_noise(velocity) * rate, white_noise(force) / 2
     half = 1
-    while noise * sqrt(3 / (half * (half + 1) * (2 * half + 1))) > limit and half < rate * SMOOTH:
+    # The slope of the velocity, the acceleration, is taken over 1 ms on each side at most.
+    while noise * sqrt(3 / (half * (half + 1) * (2 * half + 1))) > limit and half < rate * 1e-3:
         half += 1
     width = min(2 * half + 1, len(velocity) - 1 | 1)
     slope: Any = savgol_filter(velocity, width, 1, deriv=1, delta=1 / rate)
@@ -530,7 +529,7 @@ def _from_rest(
     level, is_offset = force_at_rest(at_rest, noise, rate, corner, after_press=after_press)
     slope = 2 * pi * corner * level / rate
     force = without_line(force, (level, slope * rate * is_offset), rate)
-    hidden = noise / np.sqrt(FORCE_MEAN * rate)
+    hidden = noise / np.sqrt(1e-3 * rate)  # The noise of a mean over 1 ms hides it as well
     where = int(np.argmax(np.abs(force)))
     largest, doubt = abs(float(force[where])), abs(slope) * where
     if doubt <= max(FORCE_DRIFT * largest, hidden) or (after_press and not is_offset):

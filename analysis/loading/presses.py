@@ -28,25 +28,12 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 PAUSE = 0.04  # s, shortest pause that separates two presses
-SLOWER = 2.0  # Shortest pause in the force alone, over the duration of the rig's rise of the jack
 REST = 0.5  # s, longest part of a pause that a press keeps before and after it
-EDGE = 5e-3  # s, at the ends of a pause, in which one press may still end or the next one start
 SPIKE = 5  # Blocks of the median that removes drop-outs and spikes
-WITHIN = 1.0
-"""s, on either side of an instant, within which the range of a signal is that of one press."""
 STEADY = {"velocity": 0.01, "force": 0.025}
 """Dimensionless, fractions of that range within which a signal at rest stays."""
 NOISE = 8.0  # The same in standard deviations of the noise, if that is larger
-SLOW = 0.02  # Dimensionless, fraction of that range up to which a steady velocity is an offset
-OFFSET = 5.0  # s, of the medians that give this offset
-EDGES = 20  # Blocks at each end of the recording, through which such a line is tried first
-TRIMMINGS = 10
-"""Number of fits of a line to the third of the values that is closest to the previous one."""
 BACK = 0.1  # Dimensionless, fraction of the largest press within which the key is back
-FORCE_BACK = 0.25
-"""The same for the force of a recording that has both signals: a finger may stay on the key."""
-BELOW = 0.3
-"""Dimensionless, fraction of the largest press by which no rest is below the previous pause."""
 LEAST = {"velocity": 0.5e-3, "force": 0.05}
 """m and N, least deflection at the laser, or force, of the largest press."""
 
@@ -118,7 +105,8 @@ def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: 
     levels = {
         name: _without_trend(ndimage.median_filter(one, SPIKE)) for name, one in means.items()
     }
-    slowest = SLOWER * rig.press.jack_rise / rig.press.jack_speed
+    # The shortest pause in the force alone is twice the rise of the rig's jack.
+    slowest = 2.0 * rig.press.jack_rise / rig.press.jack_speed
     pause = PAUSE if "velocity" in levels else max(PAUSE, slowest)
     rests = _rests(levels, means, step, pause) if count else []
     if not rests:
@@ -213,8 +201,8 @@ def _between(
         motion = path[before.stop : after.start] - _level(path, before)
         high = float(motion.max(initial=0.0))
         if high >= HIGH * largest:
-            # With up to `REST` of both pauses.
-            edge, rest = round(EDGE / step), round(REST / step)
+            # With up to `REST` of both pauses, of which 5 ms may still be of the other press.
+            edge, rest = round(5e-3 / step), round(REST / step)
             start = max(before.start + edge * (before.start > 0), before.stop - rest)
             stop = min(after.stop - edge * (after.stop < count), after.start + rest)
             turns = [before.stop + turn for turn in _turns(motion, high)] if of_key else []
@@ -235,15 +223,17 @@ def _rests(
     width = 2 * round(PAUSE / step / 2) + 1
     at_rest = np.ones(min(map(len, levels.values()), default=0), bool)
     for name, level in levels.items():
-        spread = float(_range(level, 2 * round(WITHIN / step) + 1).max())
+        # The range within 1 s on either side is that of one press.
+        spread = float(_range(level, 2 * round(1.0 / step) + 1).max())
         least = max(STEADY[name] * spread, NOISE * white_noise(means[name]))
         # All blocks of a window whose range is that small.
         at_rest &= ndimage.binary_dilation(_range(level, width) <= least, np.ones(width))
         if name == "velocity":  # of which an offset changes slowly
-            parts = np.array_split(level, max(1, round(len(level) * step / OFFSET)))
+            parts = np.array_split(level, max(1, round(len(level) * step / 5.0)))  # Medians of 5 s
             middles = np.cumsum([len(part) for part in parts]) - len(parts[0]) / 2
             offset = np.interp(np.arange(len(level)), middles, list(map(median, parts)))
-            at_rest &= np.abs(level - offset) < max(SLOW * spread, least)
+            # A steady velocity up to 2 % of that range is an offset.
+            at_rest &= np.abs(level - offset) < max(0.02 * spread, least)
     ends = (0, len(at_rest))
     # A rest at an end of the recording separates nothing, so that it may be shorter.
     return [
@@ -262,8 +252,9 @@ def _without_trend(level: Floats) -> Floats:
     """
     time, third = np.arange(len(level)), len(level) // 3 + 1
     best = math.inf, level
-    for kept in (time, np.concatenate([time[:third][:EDGES], time[-third:][-EDGES:]])):
-        for _ in range(TRIMMINGS if len(level) > 2 else 0):
+    for kept in (time, np.concatenate([time[:third][:20], time[-third:][-20:]])):
+        # Lines through the third of the values that is closest to the previous one.
+        for _ in range(10 if len(level) > 2 else 0):
             off = level - np.polyval(np.polyfit(time[kept], level[kept], 1), time)
             kept = np.argpartition(np.abs(off), third - 1)[:third]
             best = min(best, (float(off[kept] @ off[kept]), off), key=lambda fit: fit[0])
@@ -297,11 +288,12 @@ def _pauses(
         AnalysisError: The key is not up in the first rest.
     """
     path = next(iter(levels))
-    limits = {name: (BACK if name == path else FORCE_BACK) * largest[name] for name in levels}
+    # Of the force: a finger may stay on the key.
+    limits = {name: (BACK if name == path else 0.25) * largest[name] for name in levels}
     pauses = rests[:1]
     for rest in rests[1:]:
         moved = {name: _level(one, rest) - _level(one, pauses[-1]) for name, one in levels.items()}
-        if moved[path] < -BELOW * largest[path]:
+        if moved[path] < -0.3 * largest[path]:  # No rest is that far below the previous pause
             raise AnalysisError(
                 "the key goes up from its first rest: the recording starts while it is held down,"
                 " or a sensor has the opposite sign; record a rest with the key up first, or import"

@@ -27,8 +27,6 @@ from sautereau.trajectory.motion import Motion
 
 POINTS = 33  # Points of a stretch that sticks or slides
 CHUNK = 768  # Cases that are computed together, few enough to fit into the processor's cache
-WARM = 2**19  # Numbers in a block larger than any of a chunk
-NARROWINGS = 4  # Refinements of a force peak inside the pluck, each between the last neighbours
 _SHAPE = ("plectrum.thickness", "plectrum.length", "plectrum.overlap")  # Of a table, unless uniform
 VARIABLES = (
     "plectrum.youngs_modulus",
@@ -96,7 +94,7 @@ def predict_many(rig: Rig, values: Mapping[str, ArrayLike]) -> PredictionBatch:
     ]
     # glibc returns large blocks to the kernel at once, and new ones cost page faults: half of the
     # time. Freeing a larger block raises what it calls large.
-    np.empty(WARM)
+    np.empty(2**19)
     shapes = np.stack([np.broadcast_to((fixed | varying)[name], count) for name in _SHAPE])
     for rows in _groups(rig, shapes):
         shape_of = _map(rig, float(friction), shapes[:, rows[0]]) if len(rows) else None
@@ -247,7 +245,7 @@ def _peak_force(v: Mapping[str, Floats], equilibria: Equilibria, paths: Paths) -
     peak = _finger_force(v, free, np.zeros_like(free)).max(axis=1)
     for kind, curve in zip(paths.kinds, paths.curves, strict=True):
         rows, some = np.arange(len(end)), equilibria
-        for _ in range(NARROWINGS):
+        for _ in range(4):  # Each between the last neighbours
             string = some.stiffness * curve.lift
             rise = clearance[rows, None] + curve.height
             force = _finger_force({n: value[rows] for n, value in v.items()}, rise, string)

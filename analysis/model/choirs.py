@@ -16,7 +16,6 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, rise_of_angle, rise_slope
 
 SLENDER = "0.3 to 4 %"  # As docs/model.md says: shear, and the corners of steps
-SAME_THICKNESS = 1e-3  # Relative, of an outline at the clamp and the thickness beside it
 LIFT_MAX = 1.0
 """Largest lift of a string over the distance from its plucking point to the nearer end: the string
 then rises by 45 degrees, and its tension is by far not constant."""
@@ -182,7 +181,8 @@ def ignored(rig: Rig, level: str) -> list[str]:
         left_out = dropped(choir.plectrum, level)  # pyright: ignore[reportArgumentType]
         lost = ", ".join(f"{at}plectrum.{name}" for name in left_out)
         given, clamped = choir.plectrum.thickness, choir.plectrum.clamp_thickness
-        if abs(given - clamped) > SAME_THICKNESS * clamped and not lost:
+        # An outline's thickness at the clamp may be the one beside it.
+        if abs(given - clamped) > 1e-3 * clamped and not lost:
             found.append(
                 f"{at}plectrum.thickness of {given * 1e3:.4g} mm has no effect: plectrum.outline is"
                 f" {clamped * 1e3:.4g} mm thick at the clamp; make them equal"

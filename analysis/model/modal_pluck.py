@@ -20,8 +20,6 @@ from sautereau.rig.schema import Rig
 
 MODES = 30  # Modes that move
 STEPS = 1000  # Steps of a pluck by default
-MOST_STEPS = 1_000_000  # Steps of a pluck at most
-DURATION_MAX = 4.0  # Multiple of the static pluck's duration after which no release is expected
 
 
 @dataclass(frozen=True)
@@ -92,14 +90,16 @@ def modal_pluck(
     shortest = 1 / (rig.string.frequency * modes * float(string.stretch[-1]))
     if step is None:
         step = min(duration / STEPS, STEP_FRACTION * shortest)
-    least, most = duration / MOST_STEPS, min(duration / 2, STEP_FRACTION_MAX * shortest)
+    # At most a million steps.
+    least, most = duration / 1_000_000, min(duration / 2, STEP_FRACTION_MAX * shortest)
     if not least <= step <= most:
         raise ModelError(
             f"step: {step * 1e6:.4g} us must lie between {least * 1e6:.4g} and {most * 1e6:.4g} us,"
             f" {STEP_FRACTION_MAX} of the shortest mode's period; change it, or take fewer modes"
         )
     contact = ModalContact(plectrum, rig.plectrum.overlap, string)
-    rows = _rows(contact, rig.press.jack_speed, step, DURATION_MAX * duration)
+    # No release is expected after four times the static pluck.
+    rows = _rows(contact, rig.press.jack_speed, step, 4.0 * duration)
     time, position, force, theta = rows[:, :4].T
     return ModalPluck(
         string=string,

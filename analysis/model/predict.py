@@ -76,7 +76,6 @@ class JackSpeed:
 
 
 STEPS = 2000  # Instants of a prediction
-MOVING = 0.1  # Dimensionless; the largest errors below are 3 % of the duration, 6 % of the lift
 DENSITIES = 1000.0, 20_000.0  # kg/m^3: gut and nylon have 1150 to 1350, overspun wires up to 18,000
 
 
@@ -207,7 +206,7 @@ def _moving(rig: Rig, found: Prediction) -> list[str]:
     said = []
     for name, own in zip(string_names(rig), found.choirs, strict=True):
         part = own.release_lift / (own.release - own.contact) / own.v_osc
-        if part > MOVING:
+        if part > 0.1:  # The largest errors below are 3 % of the duration, 6 % of the lift
             said.append(
                 f"{name}: while held it moves at {part:.2g} of Vosc, and the model omits its"
                 f" inertia: the pluck duration may be wrong by {50 * part:.2g} %, the lift by"

@@ -28,9 +28,7 @@ from sautereau.rig.schema import Rig
 
 ROOT = 0.1  # Fraction of the length from the clamp in which nothing is cut
 UNIT = 1e-4  # m, of the coefficients of the depth, and of the optimiser's first steps
-VERTICES = 41  # Least number of vertices of a carved outline
 TARGET_STD = 5e-4  # Relative deviation from a target that weighs as much as a bend of one `UNIT`
-AMOUNT = 0.1  # Weight of the depth itself relative to its bends
 STEP = 1e-6  # m, of the depth, for derivatives of the press by the table's derivatives
 MOST_STEPS = 20
 
@@ -78,7 +76,7 @@ def carving(plectrum: Plectrum, knife: Knife) -> Carving:
     from scipy.interpolate import BSpline
 
     length = plectrum.outline.x[-1] if plectrum.outline else plectrum.length
-    places = np.linspace(0.0, length, VERTICES)
+    places = np.linspace(0.0, length, 41)  # At least 41 vertices
     parts = max(2, round((1 - ROOT) * length / knife.stroke))
     inner = np.linspace(ROOT * length, length, parts + 1)
     knots = np.r_[[inner[0]] * 3, inner, [inner[-1]] * 3]
@@ -180,7 +178,7 @@ def carve(
     count = len(cut.most)
     # Bends from the root, where the depth is zero, to the tip.
     bends = np.diff(np.eye(count + 2, count, -2), 2, axis=0)
-    gentle = np.vstack([bends, AMOUNT * np.eye(count)])
+    gentle = np.vstack([bends, 0.1 * np.eye(count)])  # The depth itself counts a little
     steps = tracked(range(MOST_STEPS))
     next(steps)
 

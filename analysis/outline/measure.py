@@ -15,17 +15,13 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.outline.picture import Silhouette, at_border
 
-MEMBERS = 30  # Outlines of an ensemble
 PLACES = np.linspace(0.0, 1.0, 27)  # Vertices [lengths]; a part is about the string's patch
 MOST_TILT, DOUBTFUL_TILT = math.radians(15), math.radians(8)
-FACE = 0.3  # Height of the jack's face on each side of the plectrum, over the thickness there
 SLENDER = 3.0  # Least length over thickness
-STRAIGHTER = 1.5  # Ratio of the sides' deviations from a line, at which the uncut one is known
 BENT = 0.003  # Deviation from a line, over the length, up to which both sides may be uncut
 CLICK = 0.7  # Pixels, standard uncertainty of a point that a person marks
 CHAIN = 6.0  # Pixels along the contour over which its noise is correlated
 LENGTHS, THICKNESSES = (2e-3, 12e-3), (0.15e-3, 1.2e-3)  # m, of plectra
-AGREE = 3.0  # Standard uncertainties between two scales at which they contradict each other
 
 
 class Known(NamedTuple):
@@ -169,7 +165,7 @@ def measure(seen: Silhouette, given: Given, seed: int = 0) -> Measured:
     noise = np.random.default_rng(seed)
     return Measured(
         edges.scaled(scale.value),
-        tuple(uncertain.drawn(chains, edges, noise) for _ in range(MEMBERS)),
+        tuple(uncertain.drawn(chains, edges, noise) for _ in range(30)),
         scale,
         origin,
         clamp_std,
@@ -229,8 +225,9 @@ class _Sides:
             if before < 0:
                 return None
             rise = min(self.upper[before] - self.upper[i], self.lower[i] - self.lower[before])
-            # Not the tip itself, where the depth grows as fast.
-            if rise > FACE * depth[i] and self.tip - self.x[i] > depth[i]:
+            # A jack's face is at least 0.3 of the thickness high on each side. The depth grows as
+            # fast at the tip itself.
+            if rise > 0.3 * depth[i] and self.tip - self.x[i] > depth[i]:
                 return self._face_at(i, max(2 * before - i, 0))
         return None
 
@@ -278,7 +275,8 @@ class _Sides:
         for side in sides[:, own]:
             slope = np.polyfit(self.x[own], side, 1)[0] if axis is None else axis
             bent.append(float(np.std(side - slope * self.x[own])))
-        known = max(bent) > max(BENT * span, STRAIGHTER * min(bent))
+        # The uncut side deviates less from a line.
+        known = max(bent) > max(BENT * span, 1.5 * min(bent))
         found = known and bent[0] > bent[1]
         if given.upper is None:
             if not known and max(bent) > BENT * span:
@@ -398,7 +396,8 @@ def _scale(
         )
     (first, scale), *others = found
     for name, other in others:
-        if abs(other.value - scale.value) > AGREE * math.hypot(scale.std, other.std):
+        # They contradict each other.
+        if abs(other.value - scale.value) > 3.0 * math.hypot(scale.std, other.std):
             warnings.append(
                 f"by {first} a pixel is {scale.value * 1e6:.4g} µm, by {name}"
                 f" {other.value * 1e6:.4g} µm; check the clamp and both values"

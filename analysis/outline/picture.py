@@ -21,7 +21,6 @@ SMOOTHING = 1.0  # Pixels, of the Gaussian that averages noise before the contou
 LEAST_CONTRAST = 6.0  # Contrast over the standard deviation of a pixel's noise
 LEAST_RANGE = 0.04  # Contrast as a fraction of full scale: about 10 grey levels of 256
 DUST, OTHER = 0.002, 0.05  # Areas over the largest object's: of the largest dust, of other objects
-LARGEST_SIDE = 500  # Pixels of the reduced picture in which light and object are separated
 LEAST_AREA = 0.003  # Of the picture, that a plectrum covers
 BLUR = 6.0  # Pixels; a larger standard deviation of the edge is out of focus
 _POWERS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1), (2, 0))
@@ -169,7 +168,7 @@ def _light(image: Floats) -> tuple[Floats, Floats]:
     from skimage.filters import threshold_otsu
     from skimage.transform import downscale_local_mean
 
-    factor = max(1, -(-max(image.shape) // LARGEST_SIDE))
+    factor = max(1, -(-max(image.shape) // 500))  # Reduced to at most 500 pixels on each side
     small = downscale_local_mean(image, (factor, factor))
     if np.ptp(small) == 0:
         raise AnalysisError("no plectrum: the picture has one brightness everywhere")

@@ -7,9 +7,6 @@ import numpy as np
 
 from sautereau.daq.file.recorded import Recorded
 
-EXPLAINED = 0.5
-"""Largest residual of the torque, relative to its variation; feed-forward exceeds it."""
-
 
 @dataclass(frozen=True)
 class PositionLoops:
@@ -59,7 +56,8 @@ def _fit(press: Recorded) -> list[tuple[float, float]] | None:
         values, _, _, _ = np.linalg.lstsq(columns / scale, torque, rcond=None)
         left = np.std(torque - columns / scale @ values)
         stiffness, damping = (values / scale)[:2].tolist()
-        if left >= EXPLAINED * np.std(torque) or not (stiffness > 0 and damping > 0):
+        # Feed-forward leaves a larger residual of the torque.
+        if left >= 0.5 * np.std(torque) or not (stiffness > 0 and damping > 0):
             return None
         found.append((stiffness, damping))
     return found

@@ -26,7 +26,6 @@ from sautereau.trajectory.motion import Floats
 Flags = NDArray[np.bool_]
 EXPOSURES = 12  # Positions of a string that one frame shows
 PLACES = 161  # Points of a string, from nut to bridge
-BEFORE = 10e-3  # s, shown before the jack rises
 
 
 @dataclass(frozen=True)
@@ -84,14 +83,14 @@ def shown_stretch(
     """Return the start and the end [s] of the part of a press that is shown.
 
     Args:
-        since: s after the trigger; None for `BEFORE` before the jack rises.
+        since: s after the trigger; None for 10 ms before the jack rises.
         until: s after the trigger; None for the end of the recording.
 
     Raises:
         AnalysisError: The interval is not within the recording.
     """
     first, last = float(press.time[0]), float(press.time[-1])
-    start = max(first, phases.start - BEFORE) if since is None else since
+    start = max(first, phases.start - 10e-3) if since is None else since
     stop = last if until is None else until
     if not first <= start < stop <= last:
         raise AnalysisError(

@@ -20,7 +20,6 @@ from sautereau.rig.schema import Rig
 SAMPLE_RATE = 48_000  # Hz, of the file
 HIGHEST = 20e3  # Hz, of the highest modes in the sound
 LEVEL = -1.0  # dB, of the largest sample relative to the full scale of the file
-LEAD = 20e-3  # s, of silence before the first contact
 MOST = 60.0  # s, longest sound
 
 
@@ -73,7 +72,7 @@ def sound_of(
             f"duration: {duration:.4g} s must be between 0 and {MOST:g} s; change it"
         )
     strings = vibrating_strings(rig, level, quality=quality, highest=HIGHEST)
-    begin = min(string.contact for string in strings) - LEAD
+    begin = min(string.contact for string in strings) - 20e-3  # 20 ms of silence
     strings = tuple(
         replace(string, contact=string.contact - begin, release=string.release - begin)
         for string in strings

@@ -27,10 +27,8 @@ PARTIALS: Floats = np.arange(1.0, 4.0)
 SPAN = 4e-3  # s, of the line through the lift; at most a third of the pluck
 NEAR = 0.5e-3  # s, between its end and the release, and between the wave and the partials
 PERIODS = 12  # Of the fundamental, of the window in which the partials are fitted
-HARMONICS = 16  # Most that are fitted together, so that the higher ones do not bias the first
 DETUNED = 0.03  # Largest relative deviation of the fundamental from the rig's
 QUIET = 0.1  # Largest spread of a sensor before contact, over that of the ringing string
-NODE = 0.1  # Least mode shape at a sensor that sees the mode
 
 
 def measured_start(
@@ -66,7 +64,7 @@ def measured_start(
     found = dict(zip(OF_START, line, strict=False))
     if ringing.sum() * step * string.frequency < PERIODS - 1:
         return found
-    count = min(HARMONICS, int(0.4 / step / string.frequency))
+    count = min(16, int(0.4 / step / string.frequency))  # The higher ones would bias the first
     since, own = time[ringing] - release - delay, values[ringing]
 
     def fitted(frequency: float) -> tuple[Floats, float]:
@@ -111,7 +109,8 @@ def _of_modes(channel: Channel, string: String, frequency: float) -> Floats:
         return np.asarray(PARTIALS * np.pi * string.tension / string.length, float)
     shape = np.abs(np.sin(PARTIALS * np.pi * channel.place / string.length))
     rate = 2 * np.pi * frequency * PARTIALS if channel.quantity == "string_velocity" else 1.0
-    return np.asarray(np.where(shape < NODE, 0.0, shape * rate), float)
+    # A sensor near a node does not see the mode.
+    return np.asarray(np.where(shape < 0.1, 0.0, shape * rate), float)
 
 
 def predicted_start(string: String, choir: ChoirPluck, time: Floats) -> dict[str, float]:

@@ -24,8 +24,6 @@ from sautereau.analysis.session.compare import ERRORS
 from sautereau.analysis.text import counted
 from sautereau.rig.text import rig_text
 
-MOST_LONG = 60_000  # Longest text of a rig or a scene on the page, in characters
-
 
 @dataclass(frozen=True)
 class Again:
@@ -178,4 +176,5 @@ def _policy(*scripts: str) -> Markup:
 
 def _long(text: str) -> Markup | str:
     """Return an escaped text that may be longer than others."""
-    return escape(facts.cleaned(text, MOST_LONG)) if text else ""
+    # The longest text of a rig or a scene.
+    return escape(facts.cleaned(text, 60_000)) if text else ""

@@ -18,7 +18,6 @@ from sautereau.trajectory.motion import Floats
 
 POINTS = 50_000  # Total number of points of all traces: half a megabyte of the page
 LEAST_POINTS = 250  # Smallest number of points of one trace
-MOST_POINTS = 1200  # Largest number of points of one trace
 COLUMNS = ("deflection", "jack_speed", "force")  # Columns of a press that are drawn over time
 BESIDE = 5e-3  # s, before contact and after release, shown in the plot of force over deflection
 
@@ -92,7 +91,7 @@ def gather(paths: Sequence[Path], level: str) -> Contents:
         AnalysisError: None of them can be read.
     """
     each = POINTS // (len(COLUMNS) * max(1, len(paths)))
-    points = min(MOST_POINTS, max(LEAST_POINTS, each))
+    points = min(1200, max(LEAST_POINTS, each))
     every = max(1, -(-LEAST_POINTS * len(COLUMNS) * len(paths) // POINTS))
     records: list[PressRecord] = []
     unread: dict[Path, str] = {}

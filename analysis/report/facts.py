@@ -14,14 +14,13 @@ from sautereau.rig.document import rig_document
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import readable_quantity
 
-MOST_CHARACTERS = 500  # Longest text on the page; the recording holds the rest
 MOST_LISTED = 40  # Entries of one list on the page
 MOST_EVENTS = 10  # Events of one recording on the page
 
 Facts = list[tuple[str, str]]
 
 
-def cleaned(value: Any, most: int = MOST_CHARACTERS) -> Any:
+def cleaned(value: Any, most: int = 500) -> Any:
     """Return a text with invisible characters written out, and shortened if it is too long.
 
     The template escapes it. Markup, and values that are not texts, are returned unchanged.

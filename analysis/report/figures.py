@@ -125,13 +125,12 @@ SHADES = {
     "string released": "rgba(86,180,233,0.18)",
 }  # Colours of the phases by their names
 SEVERAL = "rgba(213,94,0,0.34)"  # That of a phase in which several strings are held
-HEIGHT = 240  # Height of one row (px)
 
 
 def over_time(contents: Contents) -> Plot:
     """Draw deflection, speed and force of all presses over the time after the trigger."""
     titles = [QUANTITIES[column].title for column in COLUMNS]
-    plot = Plot(titles, "time after the trigger (ms)", HEIGHT * len(COLUMNS))
+    plot = Plot(titles, "time after the trigger (ms)", 240 * len(COLUMNS))  # px, of one row
     for index, condition in enumerate(contents.conditions):
         first = True
         for record in condition.presses:

@@ -165,10 +165,8 @@ MARGIN = 60  # Distance of the curves from the sides, in the same unit
 GAP = 16  # Distance of labels from what they describe, in the same unit
 LETTERS = 52  # Font size, in the same unit
 STEP = 4  # Step between the drawn points of the string
-TRACED = 400  # Number of points of the force
 TENTH = 1e4  # 1/m; the key is drawn in units of 0.1 mm
 UM = 1e6
-HEAD_LETTERS = 36  # Width of the picture of the jack head in font sizes
 
 
 def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
@@ -206,7 +204,7 @@ def force_picture(scene: Replay) -> Picture:
     start, stop = float(scene.time[0]), float(scene.time[-1])
     rows = scene.press.between(start, stop)
     newton, time = scene.press.samples["force"][rows], scene.press.time[rows]
-    kept = envelope(newton, TRACED)
+    kept = envelope(newton, 400)
     newton, time = newton[kept], time[kept]
     low, high = min(float(newton.min()), 0.0), max(float(newton.max()), 1e-3)
     across = (WIDE - 2 * MARGIN) / (stop - start)
@@ -306,7 +304,7 @@ def head_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
         -rounded(high),
         rounded(width),
         rounded(high - low),
-        rounded(width / HEAD_LETTERS),
+        rounded(width / 36),  # The width is 36 font sizes
         tuple(shapes),
     )
 

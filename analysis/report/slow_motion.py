@@ -21,10 +21,6 @@ from sautereau.analysis.report.pictures import (
     string_picture,
 )
 
-FRAMES = 101
-OF_ALL_STRINGS = 202  # Total number of frames of all strings: a third of a megabyte of the page
-BESIDE = 0.25  # Of the time from first contact to last release, shown before and after it
-LEAST_BESIDE = 4e-3  # s, shortest time shown after release, in which the string vibrates
 SLIDER = "frame"  # Id of the slider that selects the frame
 READING = "reading"  # Start of the ids of the readings
 
@@ -58,11 +54,12 @@ def slow_motion(number: int, press: Press, phases: Phases) -> SlowMotion:
         )
     contact = min(held.contact for held in phases.plucks)
     release = max(held.release for held in phases.plucks)
-    margin = BESIDE * (release - contact)
+    margin = 0.25 * (release - contact)
     first, last = float(press.time[0]), float(press.time[-1])
     start = max(first, contact - margin)
-    stop = min(last, release + max(margin, LEAST_BESIDE))
-    frames = min(FRAMES, max(2, OF_ALL_STRINGS // len(choirs(press.rig))))
+    stop = min(last, release + max(margin, 4e-3))  # In 4 ms the string vibrates
+    # 202 frames of all strings are a third of a megabyte of the page.
+    frames = min(101, max(2, 202 // len(choirs(press.rig))))
     return SlowMotion(number, replay(press, phases, np.linspace(start, stop, frames)))
 
 

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-BESIDE = (0.5, 2.0)  # Other speeds that are compared, over the planned one
-
 
 @dataclass(frozen=True)
 class Choice:
@@ -160,7 +158,8 @@ def expected(
     plan_press(rig, expected_of(rig)[0])
     speed, warnings = rig.press.jack_speed, []
     kinds = [Planned(speed), Planned(speed, muted=True)]
-    for other in others or [speed * factor for factor in BESIDE]:
+    # Half and double the planned speed.
+    for other in others or [speed * factor for factor in (0.5, 2.0)]:
         slower = rig.replaced({"press.jack_speed": other})
         try:
             plan_press(slower, expected_of(slower)[0])

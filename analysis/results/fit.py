@@ -432,9 +432,6 @@ def _needed_lines(estimate: Estimate) -> list[str]:
     ]
 
 
-AFTER = 1.7  # The force is drawn to this multiple of the time to its largest value
-
-
 def _forces(top, below, fitted: fitting.Fit) -> None:
     """Draw the first press's force and its models, and the residual of every press."""
     dynamics, noise = fitted.problem.dynamics, fitted.problem.whitenings
@@ -453,7 +450,7 @@ def _forces(top, below, fitted: fitting.Fit) -> None:
         model[press.used] = force[press.used] - residual + noise[0].trend(residual)
         top.plot(time, model, color=colour, lw=1.4, ls=dashes, label=name)
     start, peak = time[press.used][0], time[np.nanargmax(force)]
-    top.set_xlim(start, start + AFTER * (peak - start))
+    top.set_xlim(start, start + 1.7 * (peak - start))  # Beyond the largest force
     top.set(ylabel="finger force (N)", xlabel="time after the trigger (ms), first press")
     top.legend(loc="upper right")
     for i, (each, residual, white) in enumerate(zip(dynamics.presses, after, noise, strict=True)):

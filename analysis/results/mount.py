@@ -100,7 +100,6 @@ def _located_lines(found: Located) -> list[str]:
 
 REST, PRESENT = "#12263a", PURPLE
 EXCLUDED, HATCH = "#e9e9e9", "#a8a8a8"
-NEAR = 10e-3  # m, from the best base to the sides of the enlarged region
 LOWEST = -40e-3  # m, lower edge of the plot, which leaves room for labels
 
 
@@ -195,10 +194,10 @@ def _draw_bases(axes, rig: Rig, mount: Mount) -> None:
 
 
 def _draw_inset(axes, rig: Rig, mount: Mount, levels: Floats) -> None:
-    """Draw the neighbourhood of the best base into the free corner above the key."""
+    """Draw 10 mm around the best base into the free corner above the key."""
     low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
     best = np.array([mount.base_x, mount.base_z])
-    corner, end = np.maximum(best - NEAR, low), np.minimum(best + NEAR, high)
+    corner, end = np.maximum(best - 10e-3, low), np.minimum(best + 10e-3, high)
     x, z = zip(corner, end, strict=True)
     near = rig.replaced({"arm.mount_x": x, "arm.mount_z": z})
     inset = axes.inset_axes((0.5, 0.34, 0.42, 0.56))

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from sautereau.analysis.results.expected import Expected
 
-TIGHTEST = 5  # Checks in the text unless all are requested
 COLUMNS = ("name", "value", "limit", "unit", "at_least", "margin", "holds", "how_to_fix")
 """Columns of the table of checks."""
 
@@ -83,7 +82,7 @@ class Plan(Result):
         start, end = cruise.start * 1e3, cruise.end * 1e3
         ordered = sorted(draft.checks, key=relative_margin)
         failed = sum(not check.holds for check in ordered)
-        shown = ordered if all_checks else ordered[: max(TIGHTEST, failed)]
+        shown = ordered if all_checks else ordered[: max(5, failed)]  # The tightest checks
         more = len(ordered) - len(shown)
         held = "speed error unknown; give arm.servo_stiffness to predict it"
         if (error := draft.loaded_speed_error) is not None:

@@ -45,10 +45,7 @@ TOUCH = ("release_force", "force_drop", "force_slope", "held_work", "release_ris
 """Quantities of a pluck that a recording has too."""
 EVEN = (*TOUCH, "plectrum_tip_thickness")  # Quantities whose evenness is computed
 START = ("release_lift", "release_angle", "v_osc")  # State of the string and plectrum at release
-HEAD = 11  # Columns of a head of the table, so that it fits into a terminal
-OCTAVE = 13  # Nearest keys of which the trend at a key is, itself included
 LEAST = 5  # Fewest keys for a trend that an uneven one does not move, and for outliers
-MAD_OF_NORMAL = 0.6745  # Median absolute deviation of a normal distribution over its std
 LIMIT = 3.5  # Modified z-score of an outlier, as Iglewicz and Hoaglin recommend
 FELT = 0.07  # Least difference of 2.5 to 10 N that is felt (Pang, Tan and Durlach, 1991)
 
@@ -122,7 +119,8 @@ class Survey(Result):
         lines = [SOME_SIMULATED] * self.simulated
         for (string, source), found in self._series().items():
             titles = [QUANTITIES[e.name].title for e in found]
-            heads = [["key"], *(wrap(title, HEAD) for title in titles)]
+            # The table fits into a terminal.
+            heads = [["key"], *(wrap(title, 11) for title in titles)]
             deep = max(map(len, heads))
             rows = []
             for each in self.keys:
@@ -294,11 +292,13 @@ def _evenness(own: Mapping[int, Touched], name: str, string: int, source: str) -
     lines = np.tile([0.0, np.median(logs)], (len(own), 1))
     enough = len(own) >= LEAST
     for k in range(len(own) * enough):
-        near = np.argsort(np.abs(places - places[k]), kind="stable")[:OCTAVE]
+        # Of the nearest keys, an octave with itself.
+        near = np.argsort(np.abs(places - places[k]), kind="stable")[:13]
         lines[k] = siegelslopes(logs[near], places[near] - places[k])
     per_key = float(np.expm1(np.median(lines[:, 0]))) if enough else None
     residuals = logs - lines[:, 1]
-    spread = float(median_abs_deviation(residuals)) / MAD_OF_NORMAL
+    # The MAD of a normal distribution over its standard deviation.
+    spread = float(median_abs_deviation(residuals)) / 0.6745
     deviations = dict(zip([e.key for e in own.values()], np.expm1(residuals).tolist(), strict=True))
     largest = np.argsort(-np.abs(residuals)).tolist() if enough else []
     least = max(LIMIT * spread, np.log1p(FELT))

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MODE = ("frequency", "frequency_std", "damping", "damping_std")
-INTERVAL = 1.96  # Half width of a 95 % interval, in standard uncertainties
 UNDECIDED = "source undecided by these recordings"
 
 
@@ -156,7 +155,7 @@ def _cells(each: Attributed) -> tuple[str, ...]:
 
 def _damping(o: Oscillation) -> tuple[str, str]:
     """Return the damping in per cent, and what a negative estimate means."""
-    limit, found = INTERVAL * o.damping_std, _with_std(100 * o.damping, 100 * o.damping_std)
+    limit, found = 1.96 * o.damping_std, _with_std(100 * o.damping, 100 * o.damping_std)  # 95 %
     if o.damping >= 0:
         return found, ""
     if o.damping + limit >= 0:

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 OF_KEY = ("force_drop", "work")  # What a key shares with the one that it is to be like
 SENSITIVE = ("release_force", "force_drop", "work", "release_angle")  # Shown for 0.01 mm
 SHAVING = 1e-5  # m, for which sensitivities are given
-REACHED = 0.01  # Relative deviation from a target below which it counts as reached
-STATIONS = 9  # Rows of the table of the cut
 PERIODS, MODES = 2, 60  # Of the bridge force that is drawn
 
 
@@ -85,7 +83,7 @@ class Voiced(Result):
         after: dict[str, float] = dict(zip(OF_OUTLINE, self.values[1].tolist(), strict=True))
         found = []
         for name, target in self.targets.items():
-            if abs(after[name] / target - 1) > REACHED:
+            if abs(after[name] / target - 1) > 0.01:  # Not reached
                 scale, unit = QUANTITIES[name].displayed
                 found.append(
                     f"{QUANTITIES[name].label}: {after[name] * scale:.4g} {unit} after the cut,"
@@ -96,8 +94,8 @@ class Voiced(Result):
 
     @property
     def stations(self) -> Floats:
-        """x, thickness before, depth and thickness after [m], shape (`STATIONS`, 4)."""
-        x = np.linspace(0.0, self.cut.places[-1], STATIONS)
+        """x, thickness before, depth and thickness after [m], shape (9, 4)."""
+        x = np.linspace(0.0, self.cut.places[-1], 9)
         depth = np.interp(x, self.cut.places, self.cut.shapes @ self.depths)
         plectrum = self._choir(self.before).plectrum
         profile, length = profile_of(plectrum), plectrum.length

@@ -19,12 +19,8 @@ from sautereau.daq.file.recorded import Recorded, SessionInfo
 from sautereau.trajectory.errors import TrajectoryError
 from sautereau.trajectory.timing import press_law
 
-BEFORE = 0.1  # Time before contact whose rise is also used, divided by the pluck duration
 WINDOW = 6e-3  # Longest window of the smoothing, two periods of the usual strings (s)
-DEGREE = 3  # Degree of the smoothing: the acceleration may change within a window
 LEAST = 20  # Smallest number of samples that are smoothed
-INSTANTS = 100  # Number of instants of the smoothed motion
-SHORT = 0.25  # Least time of a piece beside others, divided by the pluck duration
 BESIDE = 1e-3  # Time before and after the cruise whose samples are kept (s)
 
 
@@ -156,8 +152,9 @@ def _edges(phases: Phases, held: HeldString) -> list[float]:
     together, one is an edge.
     """
     first = min(phases.plucks, key=lambda each: each.contact)
-    edges = [first.contact - BEFORE * first.pluck_duration]
-    least = SHORT * held.pluck_duration
+    # The rise shortly before contact is also used.
+    edges = [first.contact - 0.1 * first.pluck_duration]
+    least = 0.25 * held.pluck_duration  # Of a piece beside others
     inside = (t for each in phases.plucks for t in (each.contact, each.release))
     for instant in sorted(inside):
         # The first contact bends the force least.
@@ -175,6 +172,7 @@ def _smoothed(press: Press, start: float, stop: float) -> JackSpeed | None:
         return None
     # At the ends the motion is that of the first and of the last window.
     window = min(max(round(WINDOW * press.rate), LEAST // 2), len(rise) // 2) | 1
-    at = np.linspace(0, len(rise) - 1, min(INSTANTS, len(rise))).astype(int)
-    motion = (savgol_filter(rise, window, DEGREE, k, 1 / press.rate) for k in range(3))
+    at = np.linspace(0, len(rise) - 1, min(100, len(rise))).astype(int)
+    # Cubic, as the acceleration may change within a window.
+    motion = (savgol_filter(rise, window, 3, k, 1 / press.rate) for k in range(3))
     return JackSpeed(*(np.asarray(each, float)[at] for each in motion))

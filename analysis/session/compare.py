@@ -22,14 +22,10 @@ from sautereau.analysis.session.repeatability import student
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-MANY = 20
-"""Smallest number of presses for a bootstrap interval. For fewer presses Student's t is better."""
 NORMAL = 1.96  # Half width of a 95 % interval, in standard uncertainties
-RESAMPLES = 9999  # Number of samples of a bootstrap
 
 
 ERRORS = ("slope_error", "magnitude_error", "duration_error")  # The errors of a comparison
-LEAST_FRACTION = 0.02  # Smallest part of a variance that is listed
 
 
 @dataclass(frozen=True)
@@ -148,7 +144,8 @@ def compare(
 def listed_contributions(found: Comparison) -> list[Contribution]:
     """Return the contributions that matter to any error; none without ranges."""
     every = found.budget.contributions if found.budget else ()
-    return [c for c in every if max(c.fractions.values()) >= LEAST_FRACTION] if every[1:] else []
+    # Smaller parts of a variance are not listed.
+    return [c for c in every if max(c.fractions.values()) >= 0.02] if every[1:] else []
 
 
 def with_budget(
@@ -224,7 +221,7 @@ def held_steps(pluck: Prediction | ChoirPluck) -> slice:
 def mean_of(values: Sequence[float]) -> Mean:
     """Return the mean of repeated presses with its 95 % interval.
 
-    From `MANY` presses on they are resampled, with a fixed seed; of 20 normal ones that covers
+    From 20 presses on they are resampled, with a fixed seed; of 20 normal ones that covers
     93 in 100. Of fewer it covers too little, and Student's t is used. A single press has no
     interval.
 
@@ -234,7 +231,7 @@ def mean_of(values: Sequence[float]) -> Mean:
     count, mean = len(values), float(np.mean(values))
     if count < 2:
         return Mean(mean, None, None, "none")
-    if count >= MANY and np.ptp(values) > 0:
+    if count >= 20 and np.ptp(values) > 0:
         return Mean(mean, *_resampled(np.asarray(values)), "bootstrap")
     half = float(student(count - 1) * np.std(values, ddof=1) / np.sqrt(count))
     return Mean(mean, mean - half, mean + half, "student")
@@ -249,7 +246,7 @@ def _resampled(values: Floats) -> tuple[float, float]:
     """
     from scipy.special import ndtr, ndtri
 
-    samples = np.random.default_rng(0).integers(0, len(values), (RESAMPLES, len(values)))
+    samples = np.random.default_rng(0).integers(0, len(values), (9999, len(values)))
     means = np.sort(values[samples].mean(axis=1))
     mean = values.mean()
     below = np.mean([means.searchsorted(mean, side) for side in ("left", "right")]) / len(means)

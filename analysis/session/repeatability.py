@@ -15,10 +15,8 @@ from sautereau.analysis.loading.press import Press
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.timing import PressLaw
 
-INSTANTS = 200  # Instants of the cruise at which presses are compared
 LEAST = 3  # Fewest presses for a spread
 COVERAGE = 0.95  # Dimensionless coverage of the intervals
-DRIFT_CHANCE = 0.01  # The same of a drift: five are tested, of the presses and of the motion
 CHANCE = 1e-3  # Probability that a change between presses is said of presses without one
 
 
@@ -74,7 +72,7 @@ class Trend(Spread):
     @property
     def significant(self) -> bool:
         """Whether it is reported; of the drifts of a session without one, at most 5 % are."""
-        return self.chance < DRIFT_CHANCE
+        return self.chance < 0.01  # Five are tested, of the presses and of the motion
 
 
 @dataclass(frozen=True)
@@ -108,7 +106,7 @@ def repeatability(presses: Sequence[Press], law: PressLaw) -> Repeatability:
         raise AnalysisError(
             f"repeatability of {len(presses)} presses: at least {LEAST} are needed; record more"
         )
-    time = np.linspace(law.cruise_start, law.cruise_end, INSTANTS)
+    time = np.linspace(law.cruise_start, law.cruise_end, 200)
     _check(presses, time)
     rise = np.array([_at(p, "jack_rise", time) for p in presses])
     # Between the midpoints of the instants, which averages the noise.

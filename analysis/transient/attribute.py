@@ -118,26 +118,12 @@ AGAIN = "more presses at the same speed: a mode of the bench returns at the same
 """Which presses would decide whether an oscillation belongs to the bench."""
 
 
-DECIDED = 0.8  # Smallest probability from which an oscillation is attributed to a source
-
-
-AFTER_ANOTHER = 0.3  # Chance that the released phase shows a string if there are several choirs
 FULL = (20.0, 20000.0)  # Range of a frequency about which nothing is known (Hz)
 ODD = 0.05  # Weight of `FULL` in every source, and of its `band` beside a measured mode
 STRING_STD = 0.03  # Relative standard uncertainty of a string's frequency
-FREE_PART = 0.2  # Weight of the free string's partials; the held string's have the rest
-SERVO_PART = 0.15  # Weight of the sample frequency's multiples among the finger's oscillations
-SERVO_STD = 0.01  # Relative standard uncertainty of these multiples
-KNOWN_STD = 0.03  # Relative, of a mode that was measured without contact of the finger
 MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Frequencies of mains hum (Hz)
-MAINS_STD = 0.004  # Relative standard uncertainty of these frequencies
 FLEXIBLE_PART = 0.25  # Probability that the key bends or heaves under an oscillating finger
-FLEXIBLE_RATIO = 0.0  # Mean of the decimal logarithm of the finger's ratio in that case
-FLEXIBLE_STD = 0.5  # Standard deviation of that logarithm
-IN_PHASE_STD = 20.0  # Standard deviation of an expected phase (deg)
 HIGHEST = 8e3  # Hz, of a string's partials, whose weight is 1 / f^2, as for a bent string
-DELAY_STD = 30e-6  # Standard uncertainty of the delay between the channels (s)
-SCALING = 0.2  # Relative range of speeds from which a constant frequency is no ripple
 
 
 @dataclass(frozen=True)
@@ -184,7 +170,8 @@ def _attributed(
     total = sum(weight.values())
     probability = {source: float(each / total) for source, each in weight.items()}
     first, second = sorted(Source, key=lambda s: -probability[s])[:2]
-    decided = probability[first] >= DECIDED and first is not Source.OTHER
+    # Less probable sources are not decided.
+    decided = probability[first] >= 0.8 and first is not Source.OTHER
     deciding = DECIDING_PRESS.get(frozenset({first, second}), HUM)
     deciding = AGAIN if Source.OTHER in (first, second) else deciding
     deciding = "" if decided else deciding
@@ -205,21 +192,22 @@ def _frequency(
         held, free = (
             _partials(frequency, each, STRING_STD, doubt, 1 / each**2) for each in strings
         )
-        likely = (1 - FREE_PART) * held + FREE_PART * free
+        likely = 0.8 * held + 0.2 * free
     elif source is Source.MAINS:
-        return _partials(frequency, MAINS, MAINS_STD, doubt)
+        return _partials(frequency, MAINS, 0.004, doubt)
     else:
         low, high = MODELS[source].band or FULL
         likely = 1 / log(high / low) if low <= frequency <= high else 0.0
         if source is Source.FINGER:
             low, high = found.speeds
-            ripple = found.consistent and high > (1 + SCALING) * low
+            # A frequency that is constant over such a range of speeds is no ripple.
+            ripple = found.consistent and high > 1.2 * low
             likely *= 0.8 if ripple else 1.0
             rate = 1 / rig.controller.sample_period
-            of_servo = _partials(frequency, [rate, 2 * rate, 3 * rate], SERVO_STD, doubt)
-            likely = (1 - SERVO_PART) * likely + SERVO_PART * of_servo
+            of_servo = _partials(frequency, [rate, 2 * rate, 3 * rate], 0.01, doubt)
+            likely = 0.85 * likely + 0.15 * of_servo
         if known:
-            near = _partials(frequency, known, KNOWN_STD, doubt)
+            near = _partials(frequency, known, 0.03, doubt)
             likely = ODD * likely + (1 - ODD) * near
     return (1 - ODD) * likely + ODD * anywhere
 
@@ -259,7 +247,7 @@ def _phases(source: Source, found: Oscillation, several: bool) -> float:
         if phase not in found.seen:
             continue
         if source is Source.STRING and phase == "released" and several:
-            chance = AFTER_ANOTHER
+            chance = 0.3  # With several choirs; it shows another one's string
         likely *= chance if found.seen[phase] >= 0.5 else 1 - chance
     return likely
 
@@ -271,14 +259,16 @@ def _ratio(source: Source, clearest: ObservedMode) -> float:
     parts = [(1.0, model.ratio, model.ratio_std)]
     if source is Source.FINGER:
         rigid = 1 - FLEXIBLE_PART, model.ratio, model.ratio_std
-        parts = [rigid, (FLEXIBLE_PART, FLEXIBLE_RATIO, FLEXIBLE_STD)]
+        # Then the decimal logarithm of the finger's ratio is 0 with a standard deviation of 0.5.
+        parts = [rigid, (FLEXIBLE_PART, 0.0, 0.5)]
     law = {"velocity": norm.sf, "force": norm.cdf}.get(clearest.unseen, norm.pdf)
     likely = float(sum(w * law(size, mean, sqrt(std**2 + doubt**2)) for w, mean, std in parts))
     if clearest.unseen:
         return likely / 2
     turned = degrees(float(np.angle(clearest.ratio)))
-    wide = degrees(2 * pi * clearest.mode.frequency * DELAY_STD)
-    spread = sqrt(IN_PHASE_STD**2 + wide**2 + degrees(clearest.ratio_std) ** 2)
+    wide = degrees(2 * pi * clearest.mode.frequency * 30e-6)  # 30 us between the channels
+    # 20 deg, of the expected phase.
+    spread = sqrt(20.0**2 + wide**2 + degrees(clearest.ratio_std) ** 2)
     aligned = _about(turned, 0.0, spread)
     if source is Source.KEY:
         aligned = (aligned + _about(turned, 180.0, spread)) / 2

@@ -23,13 +23,7 @@ from sautereau.trajectory.motion import Floats
 
 PHASES = ("rest", "free", "held", "released")
 LONGEST = 40e-3  # Longest examined part of a phase (s)
-LEAST_RATE = 10e3  # Smallest sampling rate after decimation (Hz)
-TAPS = 12  # Length of the low-pass filter in decimated samples
 DEVIATIONS = 3.0  # Standard uncertainties within which two values count as the same
-FULL_SPEED = 0.95  # Fraction of the free speed at which the run-up ends
-CONTACT_LOST = 0.3  # Force over that of the free phase below which the finger is off the key
-BINS = 15  # Bins of the spectrum at rest around a frequency, of which a line takes 3 to 5
-ABOVE_REST = 4.0  # Smallest amplitude of a mode, in its uncertainties at the noise's level
 
 
 @dataclass(frozen=True)
@@ -144,7 +138,7 @@ def _bounds(
     rest = _rest_end(press, phases)
     found = [("rest", max(float(time[0]), rest - LONGEST), rest)]
     speed = press.samples["jack_speed"]
-    moving = (time > phases.start) & (speed >= FULL_SPEED * phases.free_speed)
+    moving = (time > phases.start) & (speed >= 0.95 * phases.free_speed)  # The end of the run-up
     steady = float(time[np.argmax(moving)])
     first = min(phases.plucks, key=lambda held: held.contact, default=None)
     contact = first.contact - DEVIATIONS * first.contact_std if first else phases.bottom
@@ -160,7 +154,8 @@ def _bounds(
         stop = rest_of[0].contact - DEVIATIONS * rest_of[0].contact_std if rest_of else np.inf
         stop = min(stop, phases.bottom, phases.bottomed or np.inf)
         start = pluck.release + DEVIATIONS * pluck.release_std
-        touching = _touching(time, force > CONTACT_LOST * level, start, stop)
+        # Else the finger is off the key.
+        touching = _touching(time, force > 0.3 * level, start, stop)
         if touching[0] > start + 1e-3:
             notes.append(
                 f"the key leaves the finger after release at {pluck.release * 1e3:.5g} ms:"
@@ -190,9 +185,9 @@ class _LowPass:
     """Low-pass filter and decimation of a stretch."""
 
     def __init__(self, rate: float):
-        self.factor = max(1, int(rate // LEAST_RATE))
+        self.factor = max(1, int(rate // 10e3))  # At least 10 kHz remain
         self.full, self.rate = rate, rate / self.factor
-        taps = TAPS * self.factor + 1
+        taps = 12 * self.factor + 1  # In decimated samples
         self.weights = np.ones(1)
         if self.factor > 1:
             self.weights = np.asarray(firwin(taps, 0.9 / self.factor), float)
@@ -234,14 +229,15 @@ class _Noise:
         band = power[:, int(0.05 * n) : int(0.38 * n)]
         self.white = np.maximum(np.sqrt(np.median(band, axis=1) / np.log(2)), floor)
         # So does that of the bins around it: what oscillates at rest as well is no noise.
-        around = median_filter(power, (1, BINS)) / np.log(2)
+        around = median_filter(power, (1, 15)) / np.log(2)  # A line takes 3 to 5 bins
         self.level = np.maximum(1.0, np.sqrt(around) / self.white[:, None])
         self.frequency = np.fft.rfftfreq(n, 1 / rate)
 
     def is_below(self, mode: DampedMode) -> bool:
         """Return whether the noise at a mode's frequency is smaller than the mode."""
         local = np.array([np.interp(mode.frequency, self.frequency, row) for row in self.level])
-        return bool(np.any(np.abs(mode.amplitude) > ABOVE_REST * local * mode.amplitude_std))
+        # In uncertainties at the noise's level.
+        return bool(np.any(np.abs(mode.amplitude) > 4.0 * local * mode.amplitude_std))
 
 
 def _observed(
@@ -266,10 +262,6 @@ def _observed(
 SAME = 0.04
 """Relative difference up to which frequencies belong to one oscillation. Finger contact and string
 add stiffness in some phases."""
-VISIBLE = 2.0
-"""An oscillation is absent from a stretch that does not show it if it would be this many times
-larger than the smallest visible amplitude there."""
-CONSISTENT = 0.01  # Smallest probability of the scatter of frequencies that agree
 
 
 @dataclass(frozen=True)
@@ -329,7 +321,7 @@ def _mean(values: list[tuple[float, float]]) -> tuple[float, float, bool]:
     scatter = float(weight @ (value - mean) ** 2)
     dof = len(value) - 1
     spread = float(np.sqrt(max(1.0, scatter / dof) / weight.sum()))
-    return mean, spread, bool(chi2.sf(scatter, dof) > CONSISTENT)
+    return mean, spread, bool(chi2.sf(scatter, dof) > 0.01)  # Else they do not agree
 
 
 def _oscillation(group: list[ObservedMode], examined: Sequence[Examined]) -> Oscillation:
@@ -364,7 +356,8 @@ def _seen(
             stretches = [s for s in press.stretches if s.phase == phase]
             if (number, phase) in shown:
                 cases.append(1.0)
-            elif any(np.any(typical > VISIBLE * s.modes.smallest) for s in stretches):
+            # A mode of typical amplitude would be visible.
+            elif any(np.any(typical > 2.0 * s.modes.smallest) for s in stretches):
                 cases.append(0.0)
         if cases:
             found[phase] = float(np.mean(cases))

@@ -4,7 +4,7 @@ Channel c is modelled as the sum of Re(A_c exp((-d + i w) t)) over the modes, pl
 All channels share frequency and decay. A least-squares fit starts from the poles that ESPRIT finds
 (R. Roy and T. Kailath, IEEE Trans. ASSP 37, 1989). Amplitudes and polynomials are eliminated from
 it (variable projection, G. Golub and V. Pereyra, 1973). Modes are added one by one as long as noise
-alone would cause their gain with a probability below `ALARM` per stretch.
+alone would cause their gain with a probability below 0.1 % per stretch.
 """
 
 from dataclasses import dataclass
@@ -16,16 +16,11 @@ from scipy.stats import chi2
 
 from sautereau.trajectory.motion import Floats
 
-ALARM = 1e-3  # Probability of finding a mode in a stretch of white noise
 MOST = 7  # Largest number of modes of a stretch, including those that are not oscillations
-DEGREE = 4  # Degree of the polynomial
-LEAST_CYCLES = 3.0  # Periods in a stretch; a slower oscillation is not reported
 MOST_DAMPING = 0.1  # Largest damping ratio of an oscillation
-MOST_DOUBT = 0.05  # Relative uncertainty of the frequency above which a mode is not reported
 BAND = 0.4  # Highest frequency of a mode, divided by the sampling rate
 LEAST_SAMPLES = 32  # Smallest number of samples of a stretch
 ORDER = 10  # Number of poles that ESPRIT estimates
-TRIALS = 3.0  # Independent trials of frequency and decay per frequency of the Fourier transform
 
 
 @dataclass(frozen=True)
@@ -107,9 +102,11 @@ def fit_modes(signals: Floats, rate: float, noise: Floats) -> StretchModes:
 
 
 def _threshold(white: Floats) -> float:
-    """Return the gain in chi-squared that noise alone exceeds with the probability `ALARM`."""
+    """Return the gain in chi-squared that noise alone rarely exceeds."""
     n, channels = white.shape
-    return float(chi2.isf(ALARM / (TRIALS * n / 2), 2 + 2 * channels))
+    # In 0.1 % of the stretches, with three independent trials of frequency and decay per frequency
+    # of the Fourier transform.
+    return float(chi2.isf(1e-3 / (3.0 * n / 2), 2 + 2 * channels))
 
 
 class _Fit:
@@ -120,8 +117,8 @@ class _Fit:
         n = len(white)
         self.time = np.arange(n) / rate
         self.duration = n / rate
-        self.trend = np.polynomial.legendre.legvander(np.linspace(-1, 1, n), DEGREE)
-        self.slowest = 2 * np.pi * LEAST_CYCLES / self.duration
+        self.trend = np.polynomial.legendre.legvander(np.linspace(-1, 1, n), 4)
+        self.slowest = 2 * np.pi * 3.0 / self.duration  # A slower oscillation is not reported
         self.fastest = 2 * np.pi * BAND * rate
 
     def bounds(self, poles: Floats) -> tuple[Floats, Floats]:
@@ -219,7 +216,8 @@ class _Fit:
             )
             for k in np.argsort(-np.abs(complex_[:, 0])).tolist()
             if self.oscillates(float(decay[k]), float(omega[k]))
-            and std[count + k] < MOST_DOUBT * omega[k]
+            # Less certain frequencies are not reported.
+            and std[count + k] < 0.05 * omega[k]
             and np.any(np.abs(complex_[k]) > 3 * of_amplitude[:, k])
         )
 

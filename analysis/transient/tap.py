@@ -23,18 +23,12 @@ from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
 LENGTH = 0.2  # Length of the record of a tap (s)
-BEFORE = 5e-3  # Time in that record before the largest force (s)
 APART = 0.25  # Smallest time between two taps (s)
 LEAST_TAPS = 3  # Smallest number of taps
 LEAST_PEAK = 0.02  # Smallest peak force of a tap (N)
 OVER_NOISE = 8.0  # Smallest peak force of a tap, divided by the noise of the force
-MARGIN = 0.3e-3  # Time before and after the force exceeds the noise that still belongs to a tap (s)
 BAND = (40.0, 2500.0)  # Frequencies between which modes are searched (Hz)
-COHERENT = 0.5  # Smallest coherence of a frequency that is used in the fit
-LEAST_COHERENCE = 0.8  # Smallest coherence at the frequency of a mode that is reported
-ACCURACY = 0.01  # Relative accuracy of the frequency response, apart from its noise
 MOST = 5  # Largest number of modes
-TABLE = 40  # Number of frequencies at which a mode is tried
 DAMPINGS = (0.01, 0.08)  # Damping ratios at which a mode is tried
 LEAST_GAIN = 0.7  # A mode is kept if it reduces the sum of squares below this fraction
 
@@ -112,14 +106,14 @@ def _taps(force: Floats, velocity: Floats, rate: float) -> list[tuple[Floats, Fl
     """
     from scipy.signal import find_peaks
 
-    before, count = round(BEFORE * rate), round(LENGTH * rate)
+    before, count = round(5e-3 * rate), round(LENGTH * rate)  # 5 ms before the largest force
     level = force - np.median(force)
     noise = robust_std(force)
     peaks, _ = find_peaks(
         level, height=max(LEAST_PEAK, OVER_NOISE * noise), distance=round(APART * rate)
     )
     # Noise where nothing touches the key would lower the response.
-    near = np.ones(2 * round(MARGIN * rate) + 1)
+    near = np.ones(2 * round(0.3e-3 * rate) + 1)  # 0.3 ms on either side
     touching = np.convolve(np.abs(level) > OVER_NOISE / 2 * noise, near, "same") > 0.5
     level = np.where(touching, level, 0.0)
     records = []
@@ -135,18 +129,19 @@ def _modes(
 ) -> tuple[TapMode, ...]:
     from scipy.optimize import least_squares
 
-    good = coherent > COHERENT
+    good = coherent > 0.5
     if np.count_nonzero(good) < 20:
         return ()
     f, h, g = frequency[good], mobility[good], coherent[good]
-    spread = np.abs(h) * np.hypot(np.sqrt((1 - g) / (2 * taps * g)), ACCURACY)
+    # The response is accurate to 1 %, apart from its noise.
+    spread = np.abs(h) * np.hypot(np.sqrt((1 - g) / (2 * taps * g)), 0.01)
     turn, found = 2 * np.pi * f, np.zeros((0, 2))
     before = float(np.sum(_left(turn, h, spread, found) ** 2))
     jacobian, cost = np.zeros((2 * len(f), 0)), before
     for _ in range(MOST):
         table = [
             np.vstack([found, np.array([[at, damping]])])
-            for at in np.geomspace(f[0], f[-1], TABLE)
+            for at in np.geomspace(f[0], f[-1], 40)
             for damping in DAMPINGS
         ]
         start = min(table, key=lambda modes: float(np.sum(_left(turn, h, spread, modes) ** 2)))
@@ -169,7 +164,7 @@ def _modes(
     ]
     return tuple(
         sorted(
-            (m for m in modes if f[0] < m.frequency < f[-1] and m.coherence > LEAST_COHERENCE),
+            (m for m in modes if f[0] < m.frequency < f[-1] and m.coherence > 0.8),
             key=lambda mode: mode.frequency,
         )
     )

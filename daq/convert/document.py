@@ -38,7 +38,6 @@ PARQUET_KEY = DOCUMENT_KEY.encode()
 """Key of the document in the metadata of a Parquet file's schema."""
 SIDECAR = ".json"
 """Appended to the name of an exported file to name the file that holds its document."""
-MOST_DOCUMENT = 200_000_000  # Limit of the size of an export's metadata file, byte
 
 Parts = dict[str, Callable[[BinaryIO], object]]
 """Files of an export: by what is appended to the name, a function that writes the file."""
@@ -163,7 +162,7 @@ def read_sidecar(path: Path) -> Document | None:
     if not sidecar.is_file():
         return None
     with explained(RecordingError, f"its metadata {sidecar}", "use a copy"):
-        return read_document(read_limited(sidecar, MOST_DOCUMENT))
+        return read_document(read_limited(sidecar, 200_000_000))  # 200 MB
 
 
 def _faults(document: Document) -> list[str]:

@@ -27,7 +27,6 @@ NO_DATE = "1904-01-01T00:00"  # LabVIEW's date 0
 LEAD_IN = 28
 """Bytes at the start of a TDMS segment: tag, flags, version, length of the rest, and of the
 metadata in it."""
-BIG_ENDIAN = 1 << 6  # Flag of a TDMS segment
 
 
 def open_tdms(path: Path) -> ImportSource:
@@ -102,7 +101,7 @@ def _missing_bytes(file: BinaryIO, size: int) -> str:
         lead_in = file.read(LEAD_IN)
         if len(lead_in) < LEAD_IN:
             return f"{len(lead_in)} of {LEAD_IN} bytes of its last segment's start are there"
-        order = ">" if lead_in[4] & BIG_ENDIAN else "<"
+        order = ">" if lead_in[4] & (1 << 6) else "<"  # Big endian
         (length,) = struct.unpack(f"{order}Q", lead_in[12:20])
         if length == 2**64 - 1:
             return "its last segment was never finished"

@@ -30,7 +30,6 @@ from sautereau.rig.disk import open_regular
 from sautereau.rig.units import shown
 
 MOST_BYTES = 2**30  # Limit of the size of a text file, byte
-BATCH = 65_536  # Rows that are converted at once
 LAST_LINE = "its last line has no line end, so its last number may be cut off"
 
 
@@ -125,7 +124,7 @@ def _read(
     found: dict[str, list[np.ndarray]] = {name: [] for name in names}
     empty: dict[str, list[int]] = {name: [] for name in names}
     rows, n = _rows(path, layout), 0
-    while batch := list(islice(rows, BATCH)):
+    while batch := list(islice(rows, 65_536)):
         refuse_rows(n + len(batch))
         for place, name, kind, first in kept:
             cells = [row[place] for _, row in batch]

@@ -45,9 +45,6 @@ SMOOTHED = 5
 """Number of samples that a polynomial of degree 4 is fitted to, to differentiate a displacement."""
 LIMITS = {"velocity": (1e-4, 10.0), "force": (1e-3, 200.0)}
 """Smallest and largest plausible magnitude of a press, SI units, by quantity."""
-ONSET = 0.3  # Dimensionless, fraction of the largest magnitude above which the key counts as moving
-AVERAGED = 0.005  # Dimensionless, fraction of the record over which the first deviation is averaged
-REST = 0.02  # Dimensionless, fraction of the record, from its start, that counts as rest
 
 
 @dataclass(frozen=True)
@@ -285,7 +282,7 @@ def doubts(volts: Signal, channel: Channel) -> list[str]:
             f" {least:g} to {limit:g} {unit}; check --unit.{name} and --column.{name}"
         )
     # A velocity has no offset that matters here, and a file may start in motion.
-    rest = 0.0 if channel.quantity == "velocity" else np.median(values[: _share(REST, values)])
+    rest = 0.0 if channel.quantity == "velocity" else np.median(values[: _share(0.02, values)])
     if _first_sign(values - rest) < 0:
         found.append(
             f"{name}: the first large deviation from rest is negative, and positive means that"
@@ -298,8 +295,8 @@ def doubts(volts: Signal, channel: Channel) -> list[str]:
 def _first_sign(moved: Signal) -> float:
     """Return the sign of the first large deviation from rest."""
     magnitude = np.abs(moved)
-    first = int(np.argmax(magnitude > ONSET * np.quantile(magnitude, 0.999)))
-    return float(np.sign(moved[first : first + _share(AVERAGED, moved)].mean()))
+    first = int(np.argmax(magnitude > 0.3 * np.quantile(magnitude, 0.999)))  # The key moves
+    return float(np.sign(moved[first : first + _share(0.005, moved)].mean()))
 
 
 def _share(fraction: float, values: Signal) -> int:

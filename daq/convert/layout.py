@@ -24,7 +24,6 @@ from sautereau.daq.convert.text import (
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.units import shown
 
-MOST_LINES = 500  # Limit of the lines that are examined, from the first or from --skip on
 MOST_SKIPPED = 100_000  # Limit of --skip: these lines are kept in memory
 # If several read the same numbers, the first of them is used.
 DELIMITERS = (";", "\t", "|", ",", " ")
@@ -136,7 +135,7 @@ def find_layout(
     if skip is not None and not 0 <= skip <= MOST_SKIPPED:
         raise RecordingError(f"--skip {skip} is not from 0 to MOST_SKIPPED = {MOST_SKIPPED}")
     encoding = encoding_of(path)
-    lines = list(islice(lines_of(path, encoding), (skip or 0) + MOST_LINES))
+    lines = list(islice(lines_of(path, encoding), (skip or 0) + 500))
     texts = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
     first = None if skip is None else sum(number <= skip for number, _ in texts)
     fits = []

@@ -11,8 +11,6 @@ from pathlib import Path
 from sautereau.daq.errors import RecordingError
 from sautereau.rig.disk import open_regular
 
-HEAD = 262_144  # Bytes at the start of a file in which its rows must begin
-BLOCK = 1_048_576  # Characters that are read at once
 LONGEST_LINE = 100_000
 """Limit of the characters of a line; the csv module's limit of a cell is 131,072."""
 _POINT = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+|[dD][+-]\d+)?|[+-]?(?:nan|inf|infinity)"
@@ -50,7 +48,7 @@ def encoding_of(path: Path) -> str:
         RecordingError: It is not text.
     """
     with open_regular(path) as file:
-        data = file.read(HEAD)
+        data = file.read(262_144)  # Its rows must begin there
         complete = not file.read(1)
     if b"\0" in data:
         raise RecordingError("it is not text in UTF-8; save it as UTF-8")
@@ -73,7 +71,7 @@ def lines_of(path: Path, encoding: str) -> Iterator[str]:
     rest = ""
     try:
         with open_regular(path) as raw, io.TextIOWrapper(raw, encoding) as file:
-            while text := file.read(BLOCK):
+            while text := file.read(1_048_576):
                 *lines, rest = (rest + text.replace(MINUS, "-")).split("\n")
                 if len(rest) > LONGEST_LINE or any(len(line) > LONGEST_LINE for line in lines):
                     raise RecordingError(

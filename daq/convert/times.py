@@ -12,11 +12,9 @@ EVEN = 0.1
 """Sampling intervals by which a time may differ from an even grid, since files round times."""
 LOOSE = 1.0  # The same if the rate is given; from one interval on, a sample may be missing
 EXACT = 1e-6  # Sampling intervals by which the times of an exactly even grid may differ from it
-RATE_ERROR = 1e-4  # Dimensionless, relative uncertainty of a rate above which a warning reports it
 PLAUSIBLE = (100.0, 1e7)  # Hz, range of usual sampling rates
 UNIX = (1e9, 2e9)
 """s since 1970, from 2001 to 2033: times that no clock of a bench shows, except as a date."""
-MOST_DIGITS = 12  # Decimal places of s up to which rounding is recognised
 
 
 def start_and_rate(
@@ -85,7 +83,7 @@ def start_and_rate(
             f"the times differ from an even {rate:.9g} Hz by up to {error.max():.3g} sampling"
             " intervals; only the first of them is used"
         )
-    if not given and error.max() > EXACT and rounded / span > RATE_ERROR:
+    if not given and error.max() > EXACT and rounded / span > 1e-4:
         warnings.append(
             f"the times are rounded to {rounded:.3g} s, so the rate of {rate:.9g} Hz is uncertain"
             f" by {100 * rounded / span:.1f} %; give the exact --rate"
@@ -116,7 +114,7 @@ def _base(name: str) -> str:
 
 def _rounding(times: Signal) -> float:
     """Return the decimal step of which all times are multiples, s; 0 for none."""
-    for digits in range(MOST_DIGITS):
+    for digits in range(12):
         steps = times * 10.0**digits
         if np.abs(steps - np.round(steps)).max() < 1e-3:
             return 10.0**-digits

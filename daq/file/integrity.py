@@ -35,7 +35,6 @@ _SIZE = struct.Struct("<Q")
 PIECE = 128 * 1024
 """Bytes read at a time. A longer record is read as one piece: it is then still in the processor's
 cache when it is used."""
-_BEYOND = 8 * 1024  # bytes read beyond a long record: the index of its messages
 FOREIGN = "another program has changed it: use the file as sautereau wrote it"
 """End of messages about content that sautereau never writes."""
 USED = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.CHANNEL, Opcode.METADATA)
@@ -145,7 +144,7 @@ class Section:
                 f"a record of {n} bytes exceeds the limit of {LARGEST_CHUNK} bytes; {FOREIGN}"
             )
         rest = self._buffer[self._at : self._stop]
-        stop = min(max(n + _BEYOND, PIECE), held + self._left)
+        stop = min(max(n + 8 * 1024, PIECE), held + self._left)  # And the index of its messages
         if stop > len(self._buffer):
             self._buffer = memoryview(bytearray(stop))
         self._buffer[:held] = rest

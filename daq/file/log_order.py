@@ -26,7 +26,6 @@ from sautereau.daq.file.schemas import (
 )
 from sautereau.rig.schema import Rig
 
-PREVIEW_RATE = 1000.0  # Largest rate of a preview, Hz
 ATTENUATION = 60.0  # Stop-band attenuation, from half the preview's rate up, dB
 PASS_BAND = 0.2  # Dimensionless, fraction of the preview's rate up to which it is accurate to 0.2 %
 
@@ -61,7 +60,7 @@ class Decimator:
 
     def __init__(self, rate: float, n_channels: int):
         """Start with ``n_channels`` signals sampled at ``rate`` Hz."""
-        self.factor = math.ceil(rate / PREVIEW_RATE)
+        self.factor = math.ceil(rate / 1000.0)  # Hz, of the preview
         """Samples per sample of the preview."""
         weights = low_pass(self.factor)
         self.margin = len(weights) // 2
@@ -117,9 +116,6 @@ class Decimator:
             signal, row, column = products.strides
             shape, strides = (len(products), n, columns), (signal, row, row + column)
             return np.ndarray(shape, np.float32, products, 0, strides).sum(2)
-
-
-LAST_DATE = 2**63 - 1  # ns since 1970, in the year 2262
 
 
 class _Pending(NamedTuple):
@@ -235,7 +231,7 @@ class LogOrder:
         MCAP's dates start in 1970; earlier ones of a wrong host clock remain in the blocks.
         """
         date = now if self.t0 is None else self.t0 + round(time_s * 1e9)
-        return min(max(0, date), LAST_DATE)
+        return min(max(0, date), 2**63 - 1)  # In the year 2262
 
 
 def _scale(rig: Rig, layout: SampleLayout | None) -> NDArray[np.float32]:

@@ -21,8 +21,6 @@ from sautereau.daq.file.limits import FARTHEST_SAMPLE, FARTHEST_TIME
 from sautereau.daq.file.recorded import Recorded, SessionInfo, Stretch
 from sautereau.daq.file.runs import Runs
 
-MOST_LISTED = 8  # Gaps listed in one message
-
 
 def read_recording(path: str | Path) -> Recorded:
     """Read one press.
@@ -37,7 +35,7 @@ def read_recording(path: str | Path) -> Recorded:
     """
     part, *more = read_parts(path)
     if more or _unequal(part):
-        missing = "; ".join(map(str, part.gaps[:MOST_LISTED]))
+        missing = "; ".join(map(str, part.gaps[:8]))
         raise RecordingError(
             f"recording {path}: {missing}; gaps are never filled: press again, or read the parts"
             " between the gaps with sautereau.daq.file.reading.read_parts"

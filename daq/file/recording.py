@@ -30,7 +30,6 @@ from sautereau.rig.schema import Rig
 __all__ = ["Block", "Recording", "SessionInfo"]
 
 ABORTED = "aborted"  # Kind of the last event of a recording that an exception has ended
-LARGEST_BLOCK = 8 * 2**20  # Limit in bytes for the samples in one message
 
 
 class Recording:
@@ -127,7 +126,7 @@ class Recording:
         except BaseException as error:
             self.__exit__(type(error), error, None)
             raise
-        size = min(round(FLUSH_PERIOD * self._rate), LARGEST_BLOCK // self._layout.size)
+        size = min(round(FLUSH_PERIOD * self._rate), 2**23 // self._layout.size)  # At most 8 MiB
         self._held = self._layout.empty(max(1, size))
         return self
 

@@ -13,9 +13,6 @@ from sautereau.daq.file.samples import SampleLayout, WireBlock, write_volts
 from sautereau.rig.faults import fault_list
 
 MOST_RUNS = 10_000  # Limit for one channel
-ROOM = 100_000
-"""Samples of all channels for which there is room from the start if the complete file is held: more
-than those of a press, whose compressed file has half the size of its volts."""
 
 
 class Clock(NamedTuple):
@@ -124,7 +121,8 @@ class Runs:
                 raise RecordingError(f"{names} has more than the limit of {MOST_RUNS} gaps")
             room = 0
             if self._size and self._complete and not runs:
-                room = max(ROOM // len(layout.names), self._size // layout.size)
+                # More than a press has, whose compressed file has half the size of its volts.
+                room = max(100_000 // len(layout.names), self._size // layout.size)
             runs.append(_Run(first, len(layout.names), room))
         if first < runs[-1].stop:
             raise RecordingError(

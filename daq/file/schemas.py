@@ -32,7 +32,6 @@ SCENE = "foxglove.SceneUpdate"  # The message that Foxglove draws in space
 TRANSFORMS = "foxglove.FrameTransforms"  # The message that says where the links of a rig are
 FRAME = "rig"
 """Name of the frame of drawings: the balance pin is its origin, x points to the jack, z up."""
-THICKNESS = 3.0  # Pixels, of lines in space
 INFO, ERROR = 2, 4  # Levels of a `LOG`
 _Field = descriptor_pb2.FieldDescriptorProto
 _Fields = Mapping[str, tuple[int, str]]  # Number and type of each field
@@ -184,7 +183,7 @@ def encode_scene(date: int, lines: Mapping[str, NDArray[np.float64]]) -> bytes:
     for name, points in lines.items():
         entity = scene.entities.add(frame_id=FRAME, id=name)
         entity.timestamp.FromNanoseconds(date)
-        line = entity.lines.add(thickness=THICKNESS, scale_invariant=True)
+        line = entity.lines.add(thickness=3.0, scale_invariant=True)  # Pixels
         line.pose.orientation.w = 1.0
         line.color.r = line.color.g = line.color.b = line.color.a = 1.0
         for x, y, z in points.tolist():

@@ -20,7 +20,7 @@ HALF_WIDTH = 16
 WIDTH = 2 * HALF_WIDTH  # Samples used to interpolate a value
 INTEGER_TOLERANCE = 1e-9
 """Samples by which a delay may differ from an integer number of them and count as one."""
-NORMAL = 1.4826  # Standard deviation of normal values over the median of their absolute values
+MAD_TO_STD = 1.4826  # Standard deviation of normal values over the median of their absolute values
 
 Signal = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def white_noise(signal: Signal, longest: int = 1) -> float:
 
 def robust_std(signal: Signal) -> float:
     """Return the standard deviation of most of a signal, from its median absolute deviation."""
-    return NORMAL * median(np.abs(signal - median(signal)))
+    return MAD_TO_STD * median(np.abs(signal - median(signal)))
 
 
 def _second_difference(signal: Signal, block: int) -> float:
@@ -116,7 +116,7 @@ def _second_difference(signal: Signal, block: int) -> float:
     if not len(second):
         return 0.0
     # Of a motion, only its acceleration within two samples contributes to the second differences.
-    return NORMAL * median(np.abs(second, out=second)) / math.sqrt(6)
+    return MAD_TO_STD * median(np.abs(second, out=second)) / math.sqrt(6)
 
 
 def median(signal: Signal) -> float:

@@ -14,37 +14,15 @@ from sautereau.rig.acquisition import Channel
 CLIPPING_MARGIN = 1e-3
 """Dimensionless, fraction of the range about its end within which a sample counts as clipped."""
 FLAT = 8  # Smallest number of samples without noise that counts as a saturated amplifier
-FLAT_NOISE = 0.05
-"""Dimensionless, fraction of the signal's noise below which a step between samples is flat."""
-FLAT_LEVEL = 0.1
-"""Dimensionless, fraction of the largest sample within the range above which a flat signal counts
-as saturated: an amplifier may saturate far below the range of the card."""
-LEAST_NOISE = 1e-6
-"""Dimensionless, fraction of the range below which a signal has too little noise to judge."""
-RESOLUTION_ROWS = 2048  # Number of samples from which the resolution of the converter is estimated
-LEAST_COUNTS = 2.0
-"""Noise, in counts of the converter, below which equal samples do not show saturation."""
-DROP_OUT_WINDOW = 3e-3
-"""Length of the running median, s. Drop-outs of up to half this length are found."""
 DROP_OUT_SEED = 7.0
 """Least deviation of a drop-out from the median, in standard deviations of the noise."""
-DROP_OUT_EDGE = 3.0  # Deviation at which a drop-out starts and ends, in standard deviations
 DROP_OUT_JUMP = 60e-6  # Time in s, at least one sample, within which a drop-out starts and ends
-DROP_OUT_FRACTION = 0.5
-"""Dimensionless, fraction of its depth by which a drop-out changes within `DROP_OUT_JUMP`."""
 FASTEST = 8.0
 """Acceleration at the laser, m/s^2, that a key can have at a release: that of 0.3 N at the jack.
 Slower changes are not drop-outs."""
 FASTEST_IMPACT = 100.0
 """The same of a key that meets its felts, m/s^2. It is used if a sample is longer than
 `DROP_OUT_JUMP`: an impact may then begin and end within one sample, as a drop-out does."""
-BESIDE = 0.4
-"""Dimensionless, largest deviation beside a drop-out as a fraction of its depth. A vibrating key
-deviates beside it as well."""
-LONG = 0.5e-3
-"""Duration in s. A longer deviation of a vibrating key does not start or end suddenly."""
-LEAST_DROP_OUT = 2e-3
-"""Dimensionless, smallest depth of a drop-out as a fraction of the range, whatever the noise."""
 
 Signal = NDArray[np.float64]
 Kind = Literal["clipped", "overload", "drop-out"]
@@ -126,9 +104,10 @@ def _saturated(
     volts: Signal, magnitude: Signal, noise: float, largest: float, known: NDArray[np.bool_]
 ) -> list[tuple[int, int]]:
     """Return where a noisy signal is flat, away from zero and below the end of the range."""
-    if noise < LEAST_NOISE * largest or len(volts) < FLAT:
+    if noise < 1e-6 * largest or len(volts) < FLAT:  # Too little noise to judge
         return []
-    least, level = FLAT_NOISE * noise, FLAT_LEVEL * min(largest, float(magnitude.max()))
+    # Smaller steps are flat. An amplifier may saturate far below the range of the card.
+    least, level = 0.05 * noise, 0.1 * min(largest, float(magnitude.max()))
     # A flat stretch contains four samples of which the first has an index divisible by four.
     fours = volts[: len(volts) // 4 * 4].reshape(-1, 4)
     pairs = (np.abs(fours[:, 1] - fours[:, 0]) < least) & (np.abs(fours[:, 1]) > level)
@@ -140,12 +119,13 @@ def _saturated(
     found = [(start, stop + 1) for start, stop in runs_of(flat) if stop + 1 - start >= FLAT]
     if not found:
         return []
-    return [] if noise < LEAST_COUNTS * _count(volts) else found
+    # With less noise in counts of the converter, equal samples do not show saturation.
+    return [] if noise < 2.0 * _count(volts) else found
 
 
 def _count(volts: Signal) -> float:
     """Return the smallest difference of samples, one count of a coarse converter; 0 without any."""
-    levels = np.unique(volts[:RESOLUTION_ROWS])
+    levels = np.unique(volts[:2048])
     return float(np.diff(levels).min()) if len(levels) > 1 else 0.0
 
 
@@ -158,11 +138,12 @@ def _drop_outs(
     an impact the deviation starts suddenly and ends slowly. A vibrating key deviates before and
     after as well.
     """
-    window = math.ceil(DROP_OUT_WINDOW * rate) | 1
+    window = math.ceil(3e-3 * rate) | 1  # s; it finds drop-outs of up to half this length
     if len(volts) < window:
         return []
     step = max(1, round(DROP_OUT_JUMP * rate))
-    unit = max(noise, LEAST_DROP_OUT * channel.range / DROP_OUT_SEED)
+    # A drop-out is at least 0.2 % of the range deep, whatever the noise.
+    unit = max(noise, 2e-3 * channel.range / DROP_OUT_SEED)
     fastest = FASTEST if DROP_OUT_JUMP * rate >= 1 else FASTEST_IMPACT
     fastest *= step / rate / channel.scale
     jumps = volts[step:] - volts[:-step]
@@ -179,7 +160,7 @@ def _drop_outs(
 
     deviation = volts - median_filter(volts, window, mode="nearest")
     magnitude = np.abs(deviation)
-    runs = np.array(runs_of(magnitude > DROP_OUT_EDGE * unit), int).reshape(-1, 2)
+    runs = np.array(runs_of(magnitude > 3.0 * unit), int).reshape(-1, 2)
     depths = np.maximum.reduceat(np.append(magnitude, 0.0), runs.ravel())[::2]
     deep = depths > DROP_OUT_SEED * unit
     found = []
@@ -190,11 +171,13 @@ def _drop_outs(
         # Beside another drop-out the median is not that of the motion.
         close = bool(found) and start - found[-1][1] < window
         edge = (max if close else min)(inside[starts], -inside[ends])
-        sudden = edge > max(least, DROP_OUT_FRACTION * depth) and (close or starts < ends)
+        sudden = edge > max(least, 0.5 * depth) and (close or starts < ends)
         wide = stop - start + 1
         beside = np.concatenate([deviation[max(0, start - wide) : start], deviation[stop:][:wide]])
-        slower = stop - start > LONG * rate > 4 * step
-        sudden &= slower or np.abs(beside).max(initial=0.0) < BESIDE * depth
+        # No deviation of a vibrating key longer than 0.5 ms starts or ends suddenly.
+        slower = stop - start > 0.5e-3 * rate > 4 * step
+        # A vibrating key deviates beside a drop-out as well.
+        sudden &= slower or np.abs(beside).max(initial=0.0) < 0.4 * depth
         if sudden and not known[start:stop].any():
             found.append((start, stop))
     return found

@@ -13,8 +13,6 @@ from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
 
-NO_PRESS = 0  # Number of the press in a recording without a press
-
 
 def record(
     rig: Rig,
@@ -59,7 +57,7 @@ def record(
                 # Rounded first: the last digits of the product are rounding errors.
                 limit = max(1, math.ceil(round(duration_s * acquisition.rate, 6)))
             session = SessionInfo(
-                press=NO_PRESS,
+                press=0,  # A recording without one
                 started=datetime.now(UTC).isoformat(timespec="milliseconds"),
                 simulated=acquisition.simulated,
                 controller="",

@@ -19,8 +19,6 @@ from sautereau.rig.acquisition import Channel, Daq
 NOT_SUPPORTED = (-200197, -200452)
 """Codes of the error if the device or the task does not have a property."""
 LONGEST_DELAY = 1.0  # s, of an input's digital filter; those of cards take less than 0.1 s
-EXCITATION_TOLERANCE = 0.1
-"""Dimensionless, largest relative difference of the sensor's current from the requested one."""
 
 COUNTS = {16: "int16", 32: "int32"}  # Type of the counts, by their bits
 COUNTS_REACH = (0.9, 1.5)
@@ -195,7 +193,7 @@ def _differences(channel: Channel, actual: InputSettings) -> list[str]:
                 " that the device supports"
             )
     if actual.excitation is not None and not math.isclose(
-        actual.excitation, channel.excitation, rel_tol=EXCITATION_TOLERANCE
+        actual.excitation, channel.excitation, rel_tol=0.1
     ):
         found.append(
             f"{who} supplies {actual.excitation * 1e3:g} mA instead of the requested"

@@ -13,13 +13,9 @@ from sautereau.daq.file.trigger_date import Counted
 from sautereau.daq.source.driver_faults import NOT_DONE
 from sautereau.rig.acquisition import Daq
 
-RATE_TOLERANCE = 1e-2
-"""Dimensionless, largest relative difference between the requested and the actual rate."""
-BUFFER = 10.0  # Length of the buffer of a continuous acquisition, s: the longest delay of reading
 READS = (10.0, 100.0)
 """Smallest and largest number of reads per second, 1/s. With fewer, a killed process loses more
 samples; with more, the reading is too slow."""
-LEAST = 2  # Smallest number of samples of a finite acquisition, before an edge and after it
 PERIOD = 2e-3
 """Interval of polling while samples around the trigger are awaited, s: a start trigger lies between
 two polls."""
@@ -47,8 +43,9 @@ class TaskPlan:
 
     @property
     def buffer(self) -> int:
-        """Samples of each channel that the buffer holds."""
-        return self.total or math.ceil(BUFFER * self.daq.sample_rate)
+        """Samples of each channel that the buffer holds; of a continuous acquisition, 10 s of them,
+        the longest delay of reading."""
+        return self.total or math.ceil(10.0 * self.daq.sample_rate)
 
 
 def plan_task(daq: Daq, duration_s: float | None, triggered: bool) -> TaskPlan:
@@ -90,7 +87,7 @@ def plan_task(daq: Daq, duration_s: float | None, triggered: bool) -> TaskPlan:
 
 def _samples(seconds: float, rate: float) -> int:
     # Rounded first: the last digits of the product are rounding errors, not another sample.
-    return max(LEAST, math.ceil(round(seconds * rate, 6)))
+    return max(2, math.ceil(round(seconds * rate, 6)))
 
 
 def build_task(task: Any, plan: TaskPlan, trigger: str) -> float:
@@ -149,7 +146,7 @@ def accepted_rate(rate: float, daq: Daq) -> float:
     Raises:
         DaqError: It is not.
     """
-    if not abs(rate / daq.sample_rate - 1) <= RATE_TOLERANCE:  # it may be NaN
+    if not abs(rate / daq.sample_rate - 1) <= 1e-2:  # it may be NaN
         raise DaqError(
             f"DAQ device {daq.device}: it runs at {rate:.9g} Hz instead of the requested"
             f" {daq.sample_rate:.9g} Hz; set daq.sample_rate to a rate that it supports"

@@ -10,7 +10,6 @@ from sautereau.robot.errors import RobotError, SilentController
 
 TICKS = 10  # Parts of the watchdog's period, each of which the controller counts down
 _RENEWALS = 4  # Renewals in a period of the watchdog, so that one may be lost
-_LONGEST_TURN = 1.0  # s, that a thread waits for its turn before it takes the lock out of turn
 
 
 def first_wait(controller: Controller) -> float:
@@ -78,7 +77,7 @@ class FairLock:
     @contextmanager
     def held(self) -> Iterator[None]:
         """Hold the lock."""
-        in_turn = self._turn.acquire(timeout=_LONGEST_TURN)
+        in_turn = self._turn.acquire(timeout=1.0)  # s; then out of turn
         try:
             self._lock.acquire()
         finally:

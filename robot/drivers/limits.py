@@ -8,10 +8,6 @@ from sautereau.rig.schema import Arm
 from sautereau.robot.errors import NotReady, UnsafeRequest
 from sautereau.trajectory.segments import Counts, Segments, to_angles, to_counts
 
-_ROUNDING = 1.01
-"""Fraction of the speed limit that a motion rounded to counts and samples may reach."""
-_RUN_UP = 0.1  # s, from rest to the speed of a move
-
 
 class Limits:
     """The arm's limits in counts and counts per second."""
@@ -35,7 +31,7 @@ class Limits:
 
     def move_acceleration(self, speed: float) -> float:
         """Return the acceleration [counts/s^2] of a move at ``speed`` counts per second."""
-        return min(speed / _RUN_UP, self.acceleration)
+        return min(speed / 0.1, self.acceleration)  # 0.1 s from rest to the speed
 
     def check_move(self, target: Counts, speed: float) -> None:
         """Refuse a move that leaves the limits, and list every fault.
@@ -77,7 +73,7 @@ class Limits:
                 faults.append(f"it ends at {last} counts/s, and must end at 0")
             means = segments.steps / (np.maximum(segments.samples, 1) * sample_period)[:, None]
             peak = max(np.abs(means).max(), np.abs(segments.velocities).max())
-            if peak > self.speed * _ROUNDING:
+            if peak > self.speed * 1.01:  # Rounded to counts and samples
                 faults.append(
                     f"its speed reaches {peak:.6g} counts/s, and arm.speed_limit is"
                     f" {self.speed:.6g} counts/s"

@@ -309,7 +309,6 @@ class _ClosedUnheardError(ConnectionError):
 
 
 TCP = "tcp://"  # Begins the name of such a port: `tcp://192.168.1.3:23`
-_CHUNK = 1 << 16
 
 
 class EthernetPort:
@@ -367,7 +366,7 @@ class EthernetPort:
 
     def _receive(self) -> None:
         with self._closing():
-            data = self._socket.recv(_CHUNK)
+            data = self._socket.recv(1 << 16)
             if not data:
                 raise ConnectionError("the controller closed the connection")
         self._heard = True

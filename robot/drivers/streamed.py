@@ -18,8 +18,6 @@ from sautereau.robot.errors import MotionFault, NotReady
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments
 
-LARGEST_GAP = 3.0  # Largest time between two setpoints, in intervals
-
 
 @dataclass(frozen=True)
 class Punctuality:
@@ -126,7 +124,7 @@ class Stream:
 
     def check_punctuality(self) -> None:
         """Refuse a motion with too large a gap between setpoints."""
-        found, limit = self.punctuality, LARGEST_GAP * self._setpoints.interval
+        found, limit = self.punctuality, 3.0 * self._setpoints.interval
         if found.largest_gap > limit * (1 + 1e-9):
             fix = "end other programs on this computer, then press again"
             if found.exchange > self._setpoints.interval:

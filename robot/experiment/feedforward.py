@@ -21,7 +21,6 @@ from sautereau.trajectory.press import Trajectory
 from sautereau.trajectory.timing import press_law
 
 BIN = 25e-6  # m of jack rise, over which the force is averaged
-SETTLED = 1e-3  # s after the last release, when the finger's oscillation has decayed
 
 
 def force_of(recording: Path) -> Expectation:
@@ -50,7 +49,8 @@ def measured_force(press: Press, phases: Phases) -> Expectation:
     release_time = max(pluck.release for pluck in phases.plucks)
     first, bottom = int(np.argmax(rise > BIN)), int(np.argmax(rise))
     release = int(np.searchsorted(time, release_time))
-    after = int(np.searchsorted(time, release_time + SETTLED))
+    # 1 ms later the finger's oscillation has decayed.
+    after = int(np.searchsorted(time, release_time + 1e-3))
     at_rest = float(force[: first // 2 + 1].mean())  # before the run-up changes it
     contact_rise, release_rise = np.interp([contact_time, release_time], time, rise)
     places = np.floor(rise[first:release] / BIN).astype(int)

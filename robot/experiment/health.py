@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.trajectory.timing import press_law
 
-FOLLOWED = 0.5  # Fraction of the planned rise below which the finger has met no key
 STAYED = 0.05
 """Dimensionless, fraction of the rise within which the jack must come back, and rise as far as in
 the first press: far above the deflection of an arm, and below the clearance of a string."""
@@ -38,7 +37,7 @@ def health_of(press: AnalysedPress, first: AnalysedPress | None = None) -> Healt
     high, _, _, level, before = (_number(first or press, name) for name in names)
     motion = press_law(press.press.rig.press).law.states[:, 0] * 1e3
     settled = press.press.drift.before is not None  # otherwise the rise drifts
-    if rise < FOLLOWED * motion.max():
+    if rise < 0.5 * motion.max():  # It has met no key
         text = (
             f"the key did not follow the finger: the jack rose by {rise:.3g} mm of"
             f" {motion.max():.3g} mm{'' if math.isnan(force) else f', with at most {force:.3g} N'};"

@@ -18,8 +18,6 @@ from sautereau.robot.controller import MotionController
 from sautereau.robot.errors import RobotError
 
 _LOG = logging.getLogger(__name__)
-PERIOD = 0.1  # s, between two updates of the views
-DEPTH = 512  # Events that may wait for the views: 10 s of samples at 51.2 kHz
 PATIENCE = 2.0  # s, that the end of a session waits for the views to show everything
 
 
@@ -100,7 +98,7 @@ class Feed:
     more events; the session continues. Use it as a context manager.
     """
 
-    def __init__(self, views: Sequence[View], depth: int = DEPTH, period: float = PERIOD):
+    def __init__(self, views: Sequence[View], depth: int = 512, period: float = 0.1):
         """Prepare.
 
         Args:

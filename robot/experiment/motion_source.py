@@ -54,13 +54,10 @@ class MotionSource:
             return Event(capture.trigger_delay, MOTION, BY_EDGE, capture.start_std)
         rate = self.source.rate
         volts = np.concatenate([block.volts for block in self._blocks], axis=1)
-        rows = [channel.quantity for channel in self._rig.daq.channels]
         try:
-            if "velocity" not in rows:
-                raise AnalysisError("alignment: the rig has no velocity channel")
             start, std = find_start(
                 self._rig,
-                volts[rows.index("velocity")],
+                volts,
                 -self._before / rate,
                 rate,
                 capture.times,

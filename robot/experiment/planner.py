@@ -26,12 +26,9 @@ from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.press import Trajectory, plan_press
 from sautereau.trajectory.timing import press_law
 
-STEP = 2e-3  # Time between the samples of a gesture from a plan (s)
 MEASURED_STEP = 4e-3  # Time between the samples of a gesture from a measured rise (s)
 SAME = 1e-6
 """m, within which the recorded plan is that of the recorded rig; otherwise it was corrected."""
-MOVES = 20e-6  # m, rise from which on a measured jack moves
-TOLERANCE = 0.02  # Dimensionless, relative speed error by rounding that a gesture may have
 BESIDE = 5  # Samples of rest before and after the motion, so that it starts and ends smoothly
 
 
@@ -146,12 +143,13 @@ def _press(recorded: Recorded) -> Press:
         planned = press_law(press).law.at(plan.t - plan.t[0]).position
         if np.abs(planned - plan.jack_rise).max() <= SAME:
             return press
-        return _with_gesture(press, plan.t, plan.jack_rise, recorded, SAME, STEP)
+        return _with_gesture(press, plan.t, plan.jack_rise, recorded, SAME, 2e-3)  # Every 2 ms
     measured = press_of(recorded)
     n = max(1, round(MEASURED_STEP * recorded.rate))
     both = np.stack([measured.time, measured.samples["jack_rise"]])
     time, rise = both[:, : both.shape[1] // n * n].reshape(2, -1, n).mean(axis=2)
-    return _with_gesture(press, time, rise, recorded, MOVES, MEASURED_STEP)
+    # From a rise of 20 um on, the jack moves.
+    return _with_gesture(press, time, rise, recorded, 20e-6, MEASURED_STEP)
 
 
 def _with_gesture(
@@ -170,6 +168,6 @@ def _with_gesture(
         "time": [format_quantity(t, "s") for t in (even - even[0]).tolist()],
         "rise": [format_quantity(r, "m") for r in np.maximum(rises, 0.0).tolist()],
     }
-    tolerance = max(press.speed_tolerance, TOLERANCE)
+    tolerance = max(press.speed_tolerance, 0.02)  # A gesture's, by rounding
     update = {"gesture": Gesture.model_validate(gesture), "speed_tolerance": tolerance}
     return press.model_copy(update=update)

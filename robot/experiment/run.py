@@ -35,6 +35,9 @@ class Bench:
     seed: int | None = None
     """Seed of the stand-in's random numbers."""
 
+    def keep_truth(self, recording: Path) -> None:
+        """Write the true events beside a recording, if they are known."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -54,9 +57,9 @@ class Crew:
     """Returns trajectory and feed-forward torques of a row's presses."""
     bench: Callable[[Rig, int | None], AbstractContextManager[Bench]]
     """Starts the bench of a rig, with a seed."""
-    operator: Callable[[str], str | None]
+    operator: Callable[[str], str | None] = lambda text: None
     """Asks the operator, and returns the answer; None if there is nobody to ask."""
-    answer: Callable[[Ask, Answer | None], Answer | None]
+    answer: Callable[[Ask, Answer | None], Answer | None] = lambda question, noted: noted
     """Returns the answer to a plan's question, which may have been noted before; None if there is
     nobody to ask."""
     on_press: Callable[[Place, Path], Any] = lambda place, path: None
@@ -66,6 +69,8 @@ class Crew:
     opened: Callable[[Path], Any] = lambda path: path
     """Returns what the plan is sent for a recording."""
     watch: Watch = lambda seen: None
+    goes_on: Callable[[], bool] = lambda: True
+    """Returns whether the presses that are requested and not yet made are still needed."""
 
 
 class PlanRun:
@@ -113,11 +118,12 @@ class PlanRun:
     def _next(self) -> Place | Ask | None:
         """Return the next press that is not yet made, or question; None at the end of the plan."""
         while self._question is None:
-            while self._places:
+            while self._places and self._crew.goes_on():
                 recording = self._folder.done.get(self._places[0].number)
                 if recording is None:
                     return self._places[0]
                 self._done(recording)
+            self._places.clear()
             try:
                 request = self._plan.send(self._answer)
             except StopIteration:
@@ -145,7 +151,7 @@ class PlanRun:
         folder.plan.check(row)
         folder.note_row(self._index, row.document())
         self._places = deque(Place(next(self._numbers), row) for _ in range(row.repeats))
-        self._made = []
+        self._answer = self._made = []
 
     def _done(self, recording: Path) -> None:
         """Take the recording of the first place."""
@@ -154,8 +160,6 @@ class PlanRun:
             self._first.append((row.rig, recording))
         self._places.popleft()
         self._made.append(self._crew.opened(recording))
-        if not self._places:
-            self._answer = self._made
 
     def _first_with(self, row: Row) -> Path | None:
         """Return the first valid recording with the plan and instrument of a row."""
@@ -186,7 +190,6 @@ class PlanRun:
         """Make presses until the instrument changes, the operator is needed, or it pauses."""
         folder, crew = self._folder, self._crew
         current: list[Place] = []
-        made: list[tuple[Row, Rig, Planned]] = []
         instrument = instrument_of(first.row.rig)
 
         def items(bench: Bench) -> Iterator[Item]:
@@ -194,17 +197,17 @@ class PlanRun:
                 another = instrument_of(place.row.rig) != instrument
                 if another or (current and self._control.paused):
                     return
-                if not made or made[0][0] is not place.row:
-                    made[:] = [(place.row, place.row.on(bench.rig), crew.planned(place.row))]
-                row, rig, (trajectory, torques) = made[0]
+                row, (trajectory, torques) = place.row, crew.planned(place.row)
+                rig, notes = row.on(bench.rig), row.notes
                 current[:] = [place]
                 yield Item(
-                    rig, trajectory, place.number, False, row.notes, torques, row.levels, row.block
+                    rig, trajectory, place.number, False, notes, torques, row.levels, row.block
                 )
 
         def done(item: Item, path: Path) -> None:
             if item.warm_up:
                 folder.warm_ups.append(path)
+            bench.keep_truth(path)
             crew.on_press(replace(current[0], warm_up=item.warm_up), path)
             health = crew.examine(path, self._first_with(current[0].row))
             self.fault = health.reason and f"{path.name}: {health.reason}"

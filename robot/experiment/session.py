@@ -277,9 +277,6 @@ def _free_numbers(out: Path) -> dict[str, Iterator[int]]:
     return {PRESS: count(max(used["press"]) + 1), WARM_UP: count(max(used["warm-up"]) + 1)}
 
 
-RATE = 200.0  # Hz, largest rate of the drawings
-
-
 def draw(rig: Rig, joints: Joints) -> tuple[Floats, dict[str, Floats], dict[str, Floats]]:
     """Return drawings of the rig while its joints moved.
 
@@ -291,7 +288,7 @@ def draw(rig: Rig, joints: Joints) -> tuple[Floats, dict[str, Floats], dict[str,
         and angle, rad, of each link of the rig's URDF in this frame, shape (n, 3).
     """
     spacing = np.diff(joints.t).mean() if len(joints.t) > 1 else math.inf
-    step = max(1, math.ceil(1 / (RATE * spacing)))
+    step = max(1, math.ceil(1 / (200.0 * spacing)))  # At most 200 Hz
     q = np.stack([joints.q1, joints.q2], -1)[::step]
     upper, _ = link_vectors(rig.arm.upper_length, q[:, 0])
     shoulder = np.broadcast_to(base(rig.arm), upper.shape)

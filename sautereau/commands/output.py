@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from sautereau.analysis.results.result import Result
 
 SCHEMA = 1  # Version of the JSON that commands print; raised when a key changes its name or meaning
-ESTIMATED_OVER = 600.0  # s, over which the speed is averaged that gives the time left
 READ_ONLY = "no permission to write into it"
 _GENERAL = Group("General options", sort_key=100)
 LATE_WARNINGS: list[str] = []
@@ -143,7 +142,7 @@ class Output:
             console=Console(stderr=True),
             transient=True,
             redirect_stdout=sys.stdout.isatty(),
-            speed_estimate_period=ESTIMATED_OVER,
+            speed_estimate_period=600.0,  # s, for the time left
         ) as bar:
             task = bar.add_task(label, total=None)  # a pulse, until a fraction is known
 

@@ -147,9 +147,11 @@ def learn(
 
     with output.replacing(out / LEARNED), output.progress("learning") as show:
         presses = count(1)
-        learning = Learning(common.bench(rig, simulation), n, out, notes, feed_forward)
+        bench = common.bench(rig, simulation)
+        learning = Learning(bench, n, out, notes, feed_forward)
         output.warn(*learning.warnings)
-        found = learning.run(begin, pressed)
+        with _pausing(bench.control):
+            found = learning.run(begin, pressed)
     lines = [f"learning stopped: {found.stopped}"] if found.stopped else []
     lines.append(
         f"learned:    {found.path}; use it with press --learned"

@@ -1,6 +1,7 @@
 """Learning: the trajectory corrected from the measured speed of the jack, press after press."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -15,8 +16,8 @@ from sautereau.daq.file.reading import read_session
 from sautereau.entrance.devices import Connected, Devices, fresh_seed
 from sautereau.entrance.press_file import PressFile
 from sautereau.entrance.session import Session
+from sautereau.rig import schema
 from sautereau.rig.disk import may_replace
-from sautereau.robot.controller import motion_controller
 from sautereau.robot.errors import RobotError
 from sautereau.robot.experiment.feedforward import force_of
 from sautereau.robot.experiment.learning import (
@@ -25,9 +26,9 @@ from sautereau.robot.experiment.learning import (
     write_learned,
 )
 from sautereau.robot.experiment.plan import LEARNING, Plan, Row, digest
-from sautereau.robot.experiment.run import seed_from
-from sautereau.robot.experiment.session import Item, Origin, make_presses, with_warm_ups
+from sautereau.robot.experiment.run import Crew, PlanRun
 from sautereau.robot.experiment.session_folder import Manifest, SessionFolder, only_session
+from sautereau.robot.experiment.steps import of_rows
 from sautereau.sim_backend.scene import current_scene
 from sautereau.trajectory.learning import CUTOFF, is_better
 
@@ -145,18 +146,42 @@ class Learning:
         on: Callable[[Connected], Any] = lambda bench: None,
         on_press: Callable[[Path, float], Any] = lambda path, error: None,
     ) -> Learned:
-        """Make the presses that are not yet in the folder.
+        """Learn from the presses in the folder, and make those that are left.
 
         Args:
-            on: Called with the devices before the first press.
+            on: Called with the devices before the first press, and after a pause.
             on_press: Called with each recording and its RMS speed error.
         """
         made, bench = self._made, self._bench
         fresh = None if bench.scene is None else fresh_seed()
         with only_session(self._out, bench.real):
             folder = SessionFolder(self._out, self._continued, bench.seed, fresh, current_scene)
-            if self._resumed(folder, on_press):
-                self._press(folder, on, on_press)
+            left = made.presses_on(self._nominal)
+            items = [next(left, None)]
+
+            @contextmanager
+            def devices(rig: schema.Rig, seed: int | None) -> Iterator[Connected]:
+                with self._bench.connected(rig, seed) as bench:
+                    on(bench)
+                    yield bench
+
+            def learn(path: Path) -> None:
+                if (item := items[-1]) and not run.fault:
+                    made.update(item, path)
+                    on_press(path, made.errors[-1])
+                    items.append(next(left, None))
+
+            crew = Crew(
+                lambda row: (items[-1].trajectory, items[-1].torques),
+                devices,
+                examine=lambda path, first: self._open(path).health(first and self._open(first)),
+                opened=learn,
+                goes_on=lambda: items[-1] is not None,
+            )
+            run = PlanRun(folder, of_rows(self._plan.rows or ()), crew, bench.control)
+            run.run()
+            if run.fault:
+                raise RobotError(f"learning: {run.fault}; then run the same command again")
         recordings = [folder.done[number] for number in sorted(folder.done)]
         simulated = any(read_session(path).simulated for path in recordings)
         of_session = simulated, folder.seed, self.warnings
@@ -180,50 +205,3 @@ class Learning:
         """Return the plan with the engine of a session that was started."""
         self._bench = self._bench.continuing(started)
         return replace(self._plan, scene=self._bench.scene_text)
-
-    def _resumed(self, folder: SessionFolder, on_press: Callable[[Path, float], Any]) -> bool:
-        """Learn from the presses in the folder; return whether one is left to make."""
-        for item in self._made.presses_on(self._nominal):
-            path = folder.done.get(item.number or 0)
-            if path is None:
-                return True
-            self._made.update(item, path)
-            on_press(path, self._made.errors[-1])
-        return False
-
-    def _press(
-        self,
-        folder: SessionFolder,
-        on: Callable[[Connected], Any],
-        on_press: Callable[[Path, float], Any],
-    ) -> None:
-        made, first = self._made, len(self._made.errors) + 1
-        with self._bench.connected(seed=seed_from(folder.seed, first)) as bench:
-            on(bench)
-
-            def done(item: Item, path: Path) -> None:
-                bench.keep_truth(path)
-                if item.warm_up:
-                    folder.warm_ups.append(path)
-                start = folder.done.get(1)
-                health = self._open(path).health(start and self._open(start))
-                if not health.valid and not item.warm_up:
-                    folder.note_invalid(path)
-                if health.reason:
-                    raise RobotError(
-                        f"learning: {path.name}: {health.reason}; then run the same command again"
-                    )
-                if item.warm_up:
-                    return
-                folder.done[item.number or 0] = path
-                made.update(item, path)
-                on_press(path, made.errors[-1])
-
-            make_presses(
-                motion_controller(bench.rig),
-                self._out,
-                with_warm_ups(made.presses_on(bench.rig), self._plan.warm_up),
-                Origin(folder.session, bench.scene, bench.seed),
-                on_ready=folder.start,
-                on_press=done,
-            )

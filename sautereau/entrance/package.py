@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 METADATA = "ro-crate-metadata.json"  # Name that RO-Crate requires
-DATED = (1980, 1, 1, 0, 0, 0)  # Date of all files of the archive, the earliest that ZIP can hold
-PIECE = 1 << 20  # Bytes that are copied at once
 BESIDE = (MANIFEST, RECORD, "learned.json", "fit*.json", "*.truth.json", "report.html")
 """Patterns of the files of a session's folder that are packed with its recordings."""
 TYPES = {".mcap": "application/octet-stream", ".toml": "application/toml"}
@@ -70,7 +68,7 @@ class _Part:
             return
         with open_regular(self.source) as file:
             before = os.fstat(file.fileno())
-            while piece := file.read(PIECE):
+            while piece := file.read(1 << 20):
                 yield piece
             after = os.fstat(file.fileno())
         if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
@@ -143,7 +141,7 @@ def write_package(
 
 def _written(archive: zipfile.ZipFile, part: _Part) -> tuple[str, int]:
     """Write a file into an archive, uncompressed; return its SHA-256, and its size in bytes."""
-    entry = zipfile.ZipInfo(part.name, DATED)
+    entry = zipfile.ZipInfo(part.name, (1980, 1, 1, 0, 0, 0))  # The earliest that ZIP can hold
     entry.external_attr = 0o644 << 16
     entry.create_system = 3  # Unix, wherever it is written
     digest, size = hashlib.sha256(), 0

@@ -126,23 +126,22 @@ class Pressing:
             self.folder = SessionFolder(self._out, self._continued, seed, fresh, current_scene)
             bench = self.bench
             observer.begin(self.folder)
-            connected: list[tuple[Connected, Watch]] = []
+            watches: list[Watch] = []
 
             @contextmanager
             def on(rig: schema.Rig, seed: int | None) -> Iterator[Connected]:
                 with bench.connected(rig, seed) as found:
                     observer.on(found)
                     with observer.watching() as watch:
-                        connected[:] = [(found, watch)]
+                        watches[:] = [watch]
                         yield found
 
             def pressed(place: Place, path: Path) -> None:
-                connected[0][0].keep_truth(path)
                 self._keep_record()
                 observer.pressed(place, path)
 
             def watch(seen: Seen) -> None:
-                connected[0][1](seen)
+                watches[0](seen)
 
             def answer(question: Ask, noted: Answer | None) -> Answer | None:
                 found = self._answer(question, noted)

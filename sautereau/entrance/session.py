@@ -318,9 +318,6 @@ def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None
     return Session(paths, [warning for _, some in found for warning in some], home)
 
 
-PERIOD = 0.5  # s, between two looks into a watched folder
-
-
 def watch(folder: str | Path, wait: Callable[[float], Any] = time.sleep) -> Iterator[Session]:
     """Return an endless iterator that gives the session of a folder whenever recordings arrive.
 
@@ -358,4 +355,4 @@ def _sessions(folder: Path, wait: Callable[[float], Any]) -> Iterator[Session]:
                         faults.append(f"omitted: {path}: {error}")
             known = names
             yield Session(presses.values(), faults)
-        wait(PERIOD)
+        wait(0.5)

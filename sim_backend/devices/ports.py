@@ -22,7 +22,6 @@ returns what the device has sent by itself."""
 
 _CHUNK = 4096
 MOST_UNREAD = 1 << 20  # Bytes of answers that a host has not read, from which on its commands wait
-_FULL = 0.05  # s, before the next connection is tried where the process has no descriptor left
 
 
 class PortGone(Exception):  # noqa: N818 - the name says what happened
@@ -60,7 +59,7 @@ def accepted(listener: socket.socket) -> socket.socket | None:
     try:
         connection = listener.accept()[0]
     except OSError:
-        time.sleep(_FULL)
+        time.sleep(0.05)  # s, as the process has no descriptor left
         return None
     connection.setblocking(False)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

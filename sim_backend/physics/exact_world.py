@@ -16,9 +16,6 @@ from sautereau.sim_backend.physics.parameters import FINGERS, bench_of, finger_o
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
-SPARE_ROWS = 64
-"""Rows for changes of mode, in a call and in every sample; further ones are not kept."""
-
 ORDER = 4  # Order of the steps with which a scene is simulated
 RATED, RATED_STEP, LEAST = 1e-9, 1e-3, 1e-16
 """A step of length `RATED_STEP` [s] may have the relative error `RATED`; the limit scales with the
@@ -103,7 +100,8 @@ class ExactWorld(World):
             cubics = np.zeros((samples, 2, 4))
         else:
             cubics = joint_cubics(self.start, counts, speeds, self.radians_per_count)
-        room = samples * (2 * self._steps + 2) + SPARE_ROWS
+        # Rows for changes of mode, of which further ones are not kept.
+        room = samples * (2 * self._steps + 2) + 64
         if len(self._press.rows) < room:
             self._press = self._press._replace(rows=np.empty((room, 7)))
         press = self._press

@@ -14,8 +14,6 @@ from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import Scene
 
 GRID, GRID_ORDER = 50e-6, 6  # s, step of the reference solution, and its order
-LEAST_JUMP = 1e-3
-"""Dimensionless, fraction of its largest value by which the finger's force jumps, at least."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +131,7 @@ def _held_errors(found: Observation, true: Observation) -> Errors:
     largest = float(np.abs(b.finger_force[held]).max(initial=0.0))
     if largest == 0.0:
         return Errors(0.0, 0.0)
-    late, least = 0.0, LEAST_JUMP * largest
+    late, least = 0.0, 1e-3 * largest
     jumps, others = _jumps(b, least), _jumps(a, least / 2)  # which may be half as large
     for (start, end, margin), rows in zip(spans, inside, strict=True):
         for time, size in jumps:

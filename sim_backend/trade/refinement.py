@@ -15,12 +15,8 @@ from sautereau.sim_backend.scene import Scene
 
 FINER = 3
 """Halvings of a step from which its error is estimated; more of one that the engine divides."""
-SAFETY = Errors(time=1.5, force=3.0)
-"""Dimensionless factors on the estimates; forces jump, and converge more slowly."""
 ROUNDING = Errors(time=1e-8, force=1e-5)
 """Added to every error: rounding, tables and the reference solution itself."""
-MORE = 5
-"""Further halvings of a step that the engine divides, above which its error is not estimated."""
 DIVERGED = Errors(math.inf, math.inf)
 """Error of a step with which the engine found no motion, or that has no estimate."""
 SHORTEST, LONGEST = 1e-7, 2e-3  # s, limits of a scene's step
@@ -85,7 +81,7 @@ class StepRefinement:
         """
         here = self.run(level)
         more = 0 if here is None else self._halvings(level, here)
-        if more > MORE:
+        if more > 5:  # The engine divides the step too often
             return DIVERGED
         finest = level + FINER + more
         finer = range(max(finest - FINER, level + 1), finest + 1)
@@ -278,6 +274,5 @@ def _largest(found: Sequence[Errors]) -> Errors:
 
 def _distance(one: Observation, last: Observation) -> Errors:
     """Return how far two runs are apart, whichever of them is the truth."""
-    there, back = errors(one, last), errors(last, one)
-    time, force = max(there.time, back.time), max(there.force, back.force)
-    return Errors(SAFETY.time * time, SAFETY.force * force)
+    apart = _largest([errors(one, last), errors(last, one)])
+    return Errors(1.5 * apart.time, 3.0 * apart.force)  # Forces jump, and converge more slowly

@@ -19,12 +19,7 @@ HEADS = (
      "(us)", "error (%)", "(ms)", "(ms)", "(%)", "time"),
 )  # fmt: skip
 """Heads of the table of points: its first column marks the Pareto-optimal ones."""
-SIMPLER = 2.0
-"""Dimensionless speed over that of the scene's own models, from which simpler ones are
-recommended: they save no computing in the engine, but may in a modal string."""
 MARGIN = 0.1  # Fraction of a speed below which measured speeds count as equal
-LONG = 0.5  # s, compilation from which it is stated
-BUSY = 0.2  # Median spread of times above which the machine is called too busy
 LEAST = 1e-10  # s, error at which a point without one is drawn, for the axis is logarithmic
 
 
@@ -86,7 +81,7 @@ class Trade:
         """Median of the points' spreads above which the machine is too busy; None below it."""
         spreads = [point.spread for point in self.points if point.spread is not None]
         found = statistics.median(spreads) if spreads else 0.0
-        return found if found > BUSY else None
+        return found if found > 0.2 else None
 
 
 def pareto_front(errors: Sequence[float], speeds: Sequence[float], margin: float = 0) -> list[int]:
@@ -111,7 +106,7 @@ def recommended(points: Sequence[Point], requested: Accuracy, margin: float = 0)
     """Return the index of the point to use for an error of at most the requested one.
 
     The most accurate one is, unless a less accurate one is faster by more than the margin. Simpler
-    models than those of the scene must be `SIMPLER` times as fast.
+    models than those of the scene must be twice as fast.
 
     Args:
         points: The first one has the models of the scene.
@@ -127,7 +122,8 @@ def recommended(points: Sequence[Point], requested: Accuracy, margin: float = 0)
     best, other = (_fastest(points, some, requested, margin) for some in (own, simpler))
     if best is None or other is None:
         return other if best is None else best
-    return other if _speed(points[other]) > SIMPLER * _speed(points[best]) else best
+    # Simpler models save no computing in the engine, but may in a modal string.
+    return other if _speed(points[other]) > 2.0 * _speed(points[best]) else best
 
 
 def _fastest(
@@ -198,7 +194,7 @@ def trade_text(trade: Trade) -> list[str]:
             " faster; in the scene file:"
         )
         lines += _settings(trade.points[trade.recommended])
-    if trade.compile_time > LONG:
+    if trade.compile_time > 0.5:  # s
         lines.append(
             f"the exact engine's first run took {trade.compile_time:.2g} s longer: it was compiled,"
             " once on this machine"

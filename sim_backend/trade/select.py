@@ -13,7 +13,6 @@ from sautereau.sim_backend.physics.observation import Errors, drive_of, errors, 
 from sautereau.sim_backend.scene import Scene
 from sautereau.sim_backend.trade import refinement
 
-STRING_STEP = 50e-6  # s, at which a spring string is compared with a modal one
 STEP = {"rigid": 10e-6, "exact": 2e-6}
 """s, cost of one step of an engine with one choir; measured on one machine, once."""
 INTERPRETED = 500e-6  # s, cost of one step of the exact engine without numba
@@ -85,7 +84,7 @@ def select_solver(
     refusals: list[SceneError] = []
     spring_error = Errors(0.0, 0.0)
     if scene.string == "auto":
-        steps = math.ceil(true.controller.sample_period / STRING_STEP)
+        steps = math.ceil(true.controller.sample_period / 50e-6)  # s
         modal = best_models(true, scene).model_copy(update={"engine": "rigid"})
         spring = modal.model_copy(update={"string": "spring"})
         spring_error = errors(trial.run(spring, steps), trial.run(modal, steps))

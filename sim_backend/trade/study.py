@@ -39,10 +39,7 @@ from sautereau.sim_backend.trade.select import best_models
 
 STEPS = {"rigid": (1, 2, 4, 8, 16, 32, 64), "exact": (1, 2, 4, 8, 16)}
 """Steps per controller sample that are tried with an engine."""
-FEW = (1, 8)
-"""Those that simpler levels and strings are tried with: a step does not improve a model."""
 RUNS = (3, 99)  # Least and largest number of runs whose median speed counts
-ENOUGH = 0.3  # s, total duration of runs after which there are no more
 SIMULATING = ("rig", "trajectory", "analysis", "sim_backend")
 """Packages whose code may change a study; one in the cache is of the same code."""
 
@@ -187,7 +184,7 @@ def time_in_turns(rig: Rig, ways: Sequence[Scene], drive: Drive, found: Sequence
     least, most = RUNS
     for n in range(most):
         for way, one in zip(ways, found, strict=True):
-            if n < least or sum(one.runs) < ENOUGH:
+            if n < least or sum(one.runs) < 0.3:  # s
                 one.repeat(rig, way, drive)
 
 
@@ -232,7 +229,7 @@ def _ways(true: Rig, exact: Scene) -> list[Scene]:
         stepped(true, exact, n, engine=engine, **change)
         for change in simpler
         for engine in ("rigid", "exact")
-        for n in FEW
+        for n in (1, 8)  # Not all: a step does not improve a model
     ]
     return [way for way in ways if way.engine == "rigid" or way.solvable]
 

@@ -27,13 +27,16 @@ def press(rig):
 
 
 def volts_of(rig, press, start, gap=0.0):
-    """Return the vibrometer's volts of a press that starts at ``start`` s; noise, and a gap [m]."""
+    """Return the channels' volts of a press that starts at ``start`` s; noise, and a gap [m]."""
     clock = FIRST + np.arange(int(0.95 * RATE)) / RATE
     angle = np.interp(clock - start, press.time, press.angle.position)
     slack = gap / rig.key.press_arm
     deflection = np.maximum(0.0, angle - slack) * rig.key.laser_arm
     noise = np.random.default_rng(1).normal(0, 1e-4, len(clock))
-    return (np.gradient(deflection, 1 / RATE) + noise) / rig.daq.channel("velocity").scale
+    velocity = rig.daq.channel("velocity")
+    volts = np.zeros((len(rig.daq.channels), len(clock)))
+    volts[rig.daq.channels.index(velocity)] = np.gradient(deflection, 1 / RATE) + noise
+    return volts / velocity.scale
 
 
 def readings(press, *, jitter=0.0, count=0.0, every=4):
@@ -68,7 +71,7 @@ def test_jitter_resolution_and_a_gap_are_in_the_uncertainty(rig, press, noise, l
 
 
 def test_samples_without_the_motion_give_no_start(rig, press):
-    rest = np.random.default_rng(3).normal(0, 1e-3, 9500)
+    rest = np.random.default_rng(3).normal(0, 1e-3, (len(rig.daq.channels), 9500))
     with pytest.raises(AnalysisError, match="do not show the same motion"):
         find_start(rig, rest, FIRST, RATE, *readings(press), LATEST)
     few = readings(press, every=50)

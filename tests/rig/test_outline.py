@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sautereau.rig.document import rig_from_json, rig_json
 from sautereau.rig.errors import RigError
 from sautereau.rig.load import load_rig
-from sautereau.rig.outline import LEAST_TIP, THINNED_PLACES, split
+from sautereau.rig.outline import split
 from tests.budget import amount, examples
 
 WEDGE = [(0, -0.24), (2, -0.2), (4.5, -0.15), (4.5, 0.15), (2, 0.2), (0, 0.24)]
@@ -75,8 +75,8 @@ def test_a_pointed_tip_is_blunted(outline_of):
     points = [(0, -0.2), (2, -0.2), (4.5, 0), (2, 0.2), (1, 0.2), (0, 0.2)]
     outline = outline_of(csv(points))
     assert outline.x[-1] == pytest.approx(4.5e-3, rel=1e-15)
-    assert outline.top[-1] == pytest.approx(LEAST_TIP * 0.2e-3)
-    assert outline.bottom[-1] == pytest.approx(-LEAST_TIP * 0.2e-3)
+    assert outline.top[-1] == pytest.approx(0.05 * 0.2e-3)
+    assert outline.bottom[-1] == pytest.approx(-0.05 * 0.2e-3)
 
 
 @pytest.mark.parametrize("left", [False, True])
@@ -93,7 +93,7 @@ def test_the_contour_of_a_photograph(outline_of, left):
         csv(contour, "x [px], y [px]"),
         f'{{ file = "contour.csv", scale = "0.01 mm", clamp = {clamp} }}',
     )
-    assert len(outline.x) == THINNED_PLACES
+    assert len(outline.x) == 17
     assert outline.x[-1] == pytest.approx(4.5e-3)
     places = np.linspace(0, 4.5e-3, 50)
     np.testing.assert_allclose(

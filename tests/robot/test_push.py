@@ -8,7 +8,7 @@ import pytest
 
 from sautereau.rig.load import load_rig, with_values
 from sautereau.robot.controller import TorqueTable
-from sautereau.robot.drivers.galil.arrays import LEAST_INTERVAL, MOST_ROWS, plan_push
+from sautereau.robot.drivers.galil.arrays import LEAST_INTERVAL, plan_push
 from sautereau.robot.drivers.galil.dmc import PUSH, PUSHES
 from sautereau.robot.drivers.galil.driver import GalilController
 from sautereau.robot.drivers.safety import State
@@ -154,7 +154,7 @@ def test_every_fault_of_a_table_is_listed(rig):
 def test_rows_cover_the_motion_and_are_few(rig, samples):
     motion = still([0, 0], samples)
     push = plan_push(rig, pulse(motion, rig, 2.0), motion, FULL)
-    assert len(push.volts) <= MOST_ROWS
+    assert len(push.volts) <= 256
     assert len(push.volts) * push.interval >= motion.total_samples
     assert (len(push.volts) - 1) * push.interval < motion.total_samples
     assert np.abs(push.volts).max() <= 9.998

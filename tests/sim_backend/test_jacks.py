@@ -7,7 +7,6 @@ import pytest
 
 from sautereau.sim_backend.physics.drive import drive_of
 from sautereau.sim_backend.physics.observation import errors, observe, reference
-from sautereau.sim_backend.physics.rigid.assembly import RESOLVED
 from sautereau.sim_backend.physics.world import new_world
 from sautereau.sim_backend.scene import packaged_scenes
 from tests.budget import slow
@@ -53,7 +52,7 @@ def test_a_stiff_felt_divides_the_step():
     steps = np.diff(moved.time)
     inside = felt[:-1] & felt[1:]
     assert inside.sum() > 10
-    assert steps[inside].max() <= RESOLVED / omega * 1.3
+    assert steps[inside].max() <= 0.1 / omega * 1.3
     assert np.median(steps[~inside]) > 1.9e-4
     np.testing.assert_allclose(
         moved.angle, np.interp(moved.time, fine.time, fine.angle), rtol=0, atol=5e-6

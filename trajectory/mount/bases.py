@@ -40,9 +40,7 @@ LIMITS = {
 FINGER_FORCE = 1.5
 """N, expected along the key's inward normal: about three times that of a pluck at 0.07 m/s."""
 DISPLACEMENT = 1e-3  # m, assumed displacement of the base
-TURN = np.radians(0.1)  # rad, assumed rotation of the base about joint 1
 POINTS = 257  # Number of key angles over the press
-DIRECTIONS = 180  # Number of directions of a displacement that the plan includes
 
 
 class BaseAssessment(NamedTuple):
@@ -180,7 +178,7 @@ def residual_and_sensitivity(rig: Rig) -> tuple[float, float]:
             the other side.
     """
     arm = rig.arm
-    around = np.linspace(0, 2 * np.pi, DIRECTIONS, endpoint=False)
+    around = np.linspace(0, 2 * np.pi, 180, endpoint=False)
     ring = np.stack([np.cos(around), np.sin(around)], -1) * DISPLACEMENT
     bases = np.array([arm.base_x, arm.base_z]) + np.vstack([np.zeros((1, 2)), ring])
     found = assess_bases(rig, arm.elbow, bases, key_angles(rig, POINTS))
@@ -227,7 +225,7 @@ def unnoticed(rig: Rig) -> tuple[Misplacement, Misplacement, Misplacement]:
     def worse(x: float, z: float, turn: float) -> Misplacement:
         return Misplacement(*map(max, errors(x, z, turn), errors(-x, -z, -turn)))
 
-    return worse(DISPLACEMENT, 0, 0), worse(0, DISPLACEMENT, 0), worse(0, 0, TURN)
+    return worse(DISPLACEMENT, 0, 0), worse(0, DISPLACEMENT, 0), worse(0, 0, np.radians(0.1))
 
 
 def _cruise(rig: Rig, rise: Floats) -> np.ndarray:

@@ -29,12 +29,7 @@ from sautereau.trajectory.mount.bases import (
 )
 
 COARSE = 9  # Number of key angles for a search of the complete region
-FINE = 65  # Number of key angles for a search near a good base
 GRID = 41  # Number of bases along each side of the region
-WINDOW = 9  # Number of bases along each side of a window
-STARTS = 3  # Points of the coarse grid, per elbow branch, from which the search is refined
-ACCURACY = 1e-8  # m, half-width of the last window
-MOST_WINDOWS = 120  # Most windows in one refinement
 DERIVATIVE_STEP = 1e-6  # m, step of the residual's numerical derivative
 
 
@@ -170,14 +165,14 @@ def _refine(rig: Rig, elbow: str, base: Floats) -> tuple[Floats, BaseAssessment]
     The residual is a cone elongated along a valley. Each window is elongated in the same way, by
     the singular values of the residual's derivative, and its width is limited by the residual.
     """
-    angles = key_angles(rig, FINE)
+    angles = key_angles(rig, 65)
     low, high = np.array([rig.arm.mount_x, rig.arm.mount_z]).T
-    steps = np.linspace(-1, 1, WINDOW)
+    steps = np.linspace(-1, 1, 9)
     window = _grid(steps, steps)
     edge = np.abs(window).max(-1) == 1
     here = assess_bases(rig, elbow, base[None], angles)
     size = 2.0
-    for _ in range(MOST_WINDOWS):
+    for _ in range(120):
         if here.violation[0] > 0:
             spread = np.diag(high - low) / GRID
         else:
@@ -186,7 +181,7 @@ def _refine(rig: Rig, elbow: str, base: Floats) -> tuple[Floats, BaseAssessment]
             _, values, turned = np.linalg.svd(slope.T / DERIVATIVE_STEP, full_matrices=False)
             reach = here.worst_residual[0] * np.sqrt(len(angles)) / np.maximum(values, 1e-12)
             spread = np.minimum(reach, np.hypot(*(high - low)))[:, None] * turned
-        if size * np.abs(spread).max() < ACCURACY:
+        if size * np.abs(spread).max() < 1e-8:  # m
             break
         bases = np.clip(base + size * window @ spread, low, high)
         candidates = assess_bases(rig, elbow, bases, angles)
@@ -207,7 +202,7 @@ def _lowest(cost: Floats) -> list[int]:
     shifts = [(i, j) for i in (0, 1, 2) for j in (0, 1, 2)]
     around = np.min([square[i : i + GRID, j : j + GRID] for i, j in shifts], axis=0)
     lowest = np.flatnonzero(cost <= around.ravel())
-    return [int(i) for i in lowest[np.argsort(cost[lowest])][:STARTS]]
+    return [int(i) for i in lowest[np.argsort(cost[lowest])][:3]]
 
 
 def _infeasible_message(

@@ -22,7 +22,6 @@ UNKNOWNS = ("base_x", "base_z", "joint 1 offset", "joint 2 offset")
 """Names of the unknowns, in the order of `Located.std` and `Located.covariance`."""
 CONDITION_LIMIT = 1e3
 """Dimensionless, condition number above which the poses do not determine an offset."""
-CONDITION_WARNING = 50.0  # Dimensionless, condition number above which there is a warning
 LEAST_SPAN = 10.0  # Least span of the touched points, relative to the uncertainty of a touch
 MOST_STEPS = 100  # Most Gauss-Newton steps
 
@@ -77,7 +76,7 @@ def locate_base(
     _check(rig, joints, points, touch, offsets)
     solution, residuals, scaled, lengths, warnings = _solve_determined(rig, joints, points, offsets)
     condition = float(np.linalg.cond(scaled))
-    if condition > CONDITION_WARNING:
+    if condition > 50.0:
         warnings.append(
             f"the touches hardly determine the zero of joint {len(solution) - 2} (condition"
             f" number {condition:.2g}), which increases the uncertainty of the base: touch points"

@@ -10,10 +10,6 @@ from sautereau.analysis.model.plectrum.base import Bend, Floats
 from sautereau.rig.instrument import Plectrum
 
 FRICTION_MAX = 0.5  # Dimensionless; largest coefficient of friction of any level
-BEYOND_TIP = 1.01
-"""Fraction of the length up to which positions are accepted: the search for the release may
-overshoot the tip. Beyond the tip the same equations hold, with the force limit of the tip."""
-ROUNDING = 1e-12  # Dimensionless tolerance on a force limit
 
 
 class Cantilever(ABC):
@@ -77,15 +73,17 @@ class Cantilever(ABC):
         """Return the largest force [N] for positions on the plectrum, infinite at the clamp."""
 
     def _refuse_out_of_range(self, s: Floats, force: Floats) -> None:
-        # Written so that NaN is out of range too.
-        on = (s >= self.nearest) & (s <= BEYOND_TIP * self.length)
+        # Written so that NaN is out of range too. The search for the release may overshoot the tip
+        # by 1 %: there the same equations hold, with the force limit of the tip.
+        on = (s >= self.nearest) & (s <= 1.01 * self.length)
         if not on.all():
             raise ModelError(
                 f"position on the plectrum: {s[~on].flat[0] * 1e3:.6g} mm from the clamp is not"
                 f" within {self.nearest * 1e3:.6g} to {self.length * 1e3:.6g} mm, its length"
             )
         limit = self.force_limit(s)
-        held = (force >= 0) & (force <= limit * (1 + ROUNDING)) & (force < np.inf)
+        # Apart from rounding.
+        held = (force >= 0) & (force <= limit * (1 + 1e-12)) & (force < np.inf)
         if not held.all():
             raise ModelError(
                 f"force on the plectrum: {force[~held].flat[0]:.6g} N at"

@@ -9,8 +9,6 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.rig.instrument import Plectrum
 
-SAME_LENGTH = 1e-3  # Dimensionless tolerance on the length of an outline
-
 
 @dataclass(frozen=True, eq=False)
 class Profile:
@@ -102,7 +100,7 @@ def profile_of(plectrum: Plectrum) -> Profile:
             places, depth = [0.0, joint - bevel, joint + bevel, 1.0], [0.0, 0.0, step, step]
         return Profile(np.array(places), np.full(len(places), half), np.array(depth) - half)
     end = outline.x[-1]
-    if abs(end - plectrum.length) > SAME_LENGTH * plectrum.length:
+    if abs(end - plectrum.length) > 1e-3 * plectrum.length:  # Tolerance on the length of an outline
         raise ModelError(
             f"plectrum.outline: it ends at x = {end * 1e3:.6g} mm and plectrum.length is"
             f" {plectrum.length * 1e3:.6g} mm; make them equal, or omit the length"

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 TURN = 1.568
 """rad, by which the tip turns at the largest load without friction: nearly 90 degrees, past which
 nothing would hold the string."""
-STICKING_DEGREE = 5  # Degree in T of the table of a string that sticks, over a smaller range of T
 ORDER = 6  # Coefficients of the polynomial of the load in a cell
 
 
@@ -141,10 +140,10 @@ def laws_of_terms(table: Table) -> "tuple[PPoly, PPoly]":
 def sticking_laws(table: Table, friction: float) -> "PPoly":
     """Return the laws of a string that sticks, as polynomials of q.
 
-    It is called with loads q of any shape and returns shape (..., `STICKING_DEGREE` + 1, parts,
-    powers, 3): the coefficients of the powers of drag over friction, the lowest first.
+    It is called with loads q of any shape and returns shape (..., 6, parts, powers, 3): the
+    coefficients of the powers of drag over friction, the lowest first.
     """
-    nodes = chebpts1(STICKING_DEGREE + 1)
+    nodes = chebpts1(6)  # Of degree 5 in T, over a smaller range of T
     powers = np.linalg.inv(np.vander(nodes, increasing=True))
     return _weighted(table, powers @ chebyshev(friction * nodes, len(table.cells) - 1))
 

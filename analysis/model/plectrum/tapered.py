@@ -22,8 +22,6 @@ from sautereau.rig.instrument import Plectrum
 
 DRAGS, LOADS, POSITIONS = 9, 20, 6  # Nodes of a table over T, over q, and over s in each part
 PARTS = 8  # Largest number of parts; it is doubled from 1 until the table is accurate
-ACCURACY = 1e-6  # Error between a table's nodes below which more parts are not tried
-CELLS = 32  # Cells of the table over q
 STEPS = 96  # Least number from tip to clamp; the method's error falls as its 4th power
 
 
@@ -94,7 +92,7 @@ def tapered_table(profile: Profile, nearest: float) -> Table:
 def samples(profile: Profile, nearest: float, q_max: float, at_surface: bool = False) -> Samples:
     """Return the table of a profile at its nodes, with more parts until it is accurate."""
     found = _samples(profile, nearest, q_max, at_surface, 1)
-    while found.error > ACCURACY and (parts := 2 * found.laws.shape[3]) <= PARTS:
+    while found.error > 1e-6 and (parts := 2 * found.laws.shape[3]) <= PARTS:  # Between its nodes
         found = _samples(profile, nearest, q_max, at_surface, parts)
     return found
 
@@ -105,7 +103,7 @@ def _samples(
     found = Samples(
         np.empty((3, DRAGS, LOADS, parts, POSITIONS)),
         np.empty((2, parts, POSITIONS)),
-        CELLS,
+        32,  # Cells of the table over q
         q_max,
         nearest,
     )
@@ -156,7 +154,6 @@ def _middle(profile: Profile, x: Floats) -> Floats:
 
 
 POINTS = 8  # Evenly spaced sections of a drawing from the clamp to the string
-KINKS = 12  # Largest number of kinks of an outline at which there are further sections
 BETWEEN = 4  # Steps of the integration between two sections
 
 
@@ -180,7 +177,8 @@ def bent(plectrum: Plectrum, s: Floats, force: Floats, drag: Floats) -> Floats:
     profile, length = profile_of(plectrum), plectrum.length
     place = (s / length)[:, None]
     kinks = profile.x[(profile.x > 0) & (profile.x < place.min(initial=1.0))]
-    kinks = np.tile(kinks if len(kinks) <= KINKS else [], (len(s), 1))
+    # At more kinks there are no further sections.
+    kinks = np.tile(kinks if len(kinks) <= 12 else [], (len(s), 1))
     drawn = np.sort(np.hstack([place * np.linspace(0.0, 1.0, POINTS), kinks]), axis=1)
     count = BETWEEN * (drawn.shape[1] - 1)
     x = np.ones((len(s), count + 2))

@@ -20,9 +20,6 @@ ROUNDING = 1e-15  # Residual over the lengths it is the difference of, below whi
 LOADS = np.concatenate([[0.0], np.geomspace(1e-14, 1.0, 97)])
 """Fractions of the largest load, between which the load of a given position is bracketed."""
 NEWTON_STEPS = 60
-SMALL = 1e-6  # Fraction of the largest load at which the direction of the first friction is found
-TURN_STEPS = 40  # Most iterations of the load at which the string turns; 6 to 10 are usual
-TURN_CLOSE = 1e-6  # Relative tolerance on it; the position is stationary there
 FEW = 5  # Points of a stretch from which the positions of the others are nearly known
 AT_END = np.array([3, -16, 36, -48, 25]) / 12
 """Weights of the last five points of a stretch in its slope at the end, by backward differences of
@@ -119,7 +116,8 @@ class Equilibria:
         Where friction prevents it, and on the mid-line, this is 0.
         """
         none = np.zeros_like(self.rest)
-        near = SMALL * self.plectra.load_limit(self.first) + none
+        # Gives the direction of the first friction.
+        near = 1e-6 * self.plectra.load_limit(self.first) + none
         at = self.plectra.under(near, 0.0)(self.first)
         pull = self._pull * near / self.first**2
         drag = (at.sine + (self.rest - at.x) / pull) / at.cosine
@@ -153,7 +151,7 @@ class Equilibria:
         never = rising <= 0
         falling = rate(high, -rising)
         turn, after = low, np.zeros(low.shape, bool)
-        for step in range(TURN_STEPS):
+        for step in range(40):  # 6 to 10 are usual
             before, turn = turn, high - falling * (high - low) / (falling - rising)
             value = rate(turn, -rising)
             twice = (value <= 0) == after if step else False
@@ -161,7 +159,8 @@ class Equilibria:
             rising = np.where(after, np.where(twice, rising / 2, rising), value)
             falling = np.where(after, value, np.where(twice, falling / 2, falling))
             low, high = np.where(after, low, turn), np.where(after, turn, high)
-            if np.all(never | (np.abs(turn - before) <= TURN_CLOSE * turn)):
+            # The position is stationary there.
+            if np.all(never | (np.abs(turn - before) <= 1e-6 * turn)):
                 break
         return np.where(never, 0.0, turn)
 

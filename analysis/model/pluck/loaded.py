@@ -17,7 +17,6 @@ from sautereau.analysis.model.plectrum.surface import StringCentre
 from sautereau.analysis.model.plectrum.table import Table, arranged, laws_under, sticking_laws
 
 Rows = NDArray[np.intp]
-NEWTON_STEPS = 6  # Newton's steps to the first contact on a sloping top; 3 are usual
 
 
 class Loaded(NamedTuple):
@@ -126,7 +125,7 @@ class TabledPlectra:
         if not table.flat:
             # The string at x = rest lies where s + r (sine of the surface's fall) = rest.
             rest = self._first
-            for _ in range(NEWTON_STEPS):
+            for _ in range(6):  # Newton's steps; 3 are usual
                 (_, tilt), (_, tilt_s) = table.contact_line(self._first / self.length)
                 beyond = self._first - self._radius * np.sin(tilt) - rest
                 slope = 1 - self._radius * np.cos(tilt) * tilt_s / self.length

@@ -12,7 +12,6 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.pluck.equilibria import Curve, Equilibria
 from sautereau.analysis.model.pluck.loaded import Rows
 
-NARROWINGS = 9  # Searches for a fold, each between the neighbours of the last best point
 NEAR = 33  # Number of points of such a search
 
 
@@ -128,7 +127,7 @@ def _fold(some: Equilibria, kind: Kind, load: Floats, top: Rows) -> Floats:
     rows, last = np.arange(len(load)), load.shape[1] - 1
     low, high = load[rows, np.maximum(top - 1, 0)], load[rows, np.minimum(top + 1, last)]
     peak = low
-    for _ in range(NARROWINGS):
+    for _ in range(9):  # Each between the neighbours of the last best point
         near = ramp(low, high, NEAR)
         best = np.argmax(kind.at(some, near).height, axis=1)
         peak = near[rows, best]

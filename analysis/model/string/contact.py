@@ -112,7 +112,6 @@ more than the omitted ones. Force and modes of a stiff plectrum then excite each
 step."""
 NEWTON_STEPS = 40  # Maximum per time step; 2 are usual
 CLOSE = 1e-9  # Tolerance on Newton's last step, in lengths; the error is about its square
-TIP_CLOSE = 1e-12  # Tolerance on the residual of a contact at the tip, in plectrum lengths
 
 
 class Carry(NamedTuple):
@@ -263,7 +262,7 @@ class ModalContact:
             bx, bz, out, up, _, _, _, _, _, bz_f, _, up_f = bend.at(self.length, f)
             slope = give * (up + f * up_f) - bz_f
             df = (z + give * f * up - bz) / slope
-            if abs(df * slope) <= TIP_CLOSE * self.length:
+            if abs(df * slope) <= 1e-12 * self.length:  # In plectrum lengths
                 return x + give * f * out - bx, Found(self.length, f, f * out, f * up)
             f -= df
         raise self._lost(height)

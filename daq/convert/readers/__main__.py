@@ -30,14 +30,12 @@ READERS = {
     "ROS bag": "rosbag:read",
 }
 """Function of this folder that reads a kind of file."""
-MEMORY = 0.5e9  # Bytes for the libraries themselves, besides the values and one copy of them
-LONGEST_TEXT = 400  # Characters of a fault; rosbags repeats the definition of a message
 
 
 def main() -> None:
     """Read the file; a fault is the last line on standard error, and status 1."""
     kind, path, most, seconds = sys.argv[1:]
-    limit(MEMORY + 16 * int(most), int(seconds))
+    limit(0.5e9 + 16 * int(most), int(seconds))  # The libraries, the values and one copy of them
     module, _, function = READERS[kind].partition(":")
     try:
         with redirect_stdout(sys.stderr):  # asammdf prints what it ignores
@@ -45,7 +43,8 @@ def main() -> None:
             arrays, about, document = read(path, int(most))
         refuse(sum(array.size for array in arrays.values()), int(most))
     except BaseException as error:  # noqa: BLE001 (the readers raise many kinds)
-        text = " ".join(str(error).split())[:LONGEST_TEXT] or "its memory is limited"
+        # rosbags repeats the definition of a message.
+        text = " ".join(str(error).split())[:400] or "its memory is limited"
         print(f"{type(error).__name__}: {text}", file=sys.stderr, flush=True)  # noqa: T201
         os._exit(1)  # at the end, asammdf would print faults of its half-made objects
     file = io.BytesIO()

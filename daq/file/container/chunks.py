@@ -32,16 +32,13 @@ from sautereau.rig.units import shown
 AHEAD = 3  # Number of chunks unpacked ahead of their reader; it bounds the memory
 MOST_UNPACKED = 500
 """Limit of the unpacked size, in multiples of the file's size; a file of zeros reaches 300."""
-FEW = 8  # Number of chunks at the start of a file, as many as of a press, unpacked without threads
 Unpacked = tuple[int, Bytes]  # Opcode and body of a record
 ZSTD, LZ4 = b"zstd", b"lz4"  # Names of compressions; sautereau writes zstd or none
 CHUNK = struct.Struct("<QQQII")
 """Start, end, size, CRC, length of the compression's name, which follows."""
 _SIZE = struct.Struct("<Q")
-_UNKNOWN_SIZE = -1  # of the content of a zstd frame that was written as a stream
 NAMES = ("channels", "rig", "software", "session", "schemas", "end", "recovered")
 """Names of a recording's Metadata records, without the end of those that are repeated."""
-_HEAD = 1024**2  # bytes at the start of a file that hold its first Metadata records
 _RECORD = re.compile(
     # A chunk: opcode, a length below 2**32, times, sizes and a CRC, the name of its compression.
     rb"\x06.{4}\0{4}.{28}(?:\x04\0\0\0zstd|\x03\0\0\0lz4|\0{4})"
@@ -81,7 +78,7 @@ def unpacked(records: Iterable[Record]) -> Iterator[Unpacked]:
         for opcode, body in records:
             packed = opcode == Opcode.CHUNK and body[CHUNK.size : CHUNK.size + len(ZSTD)] == ZSTD
             chunks += packed
-            ahead = packed and chunks > FEW
+            ahead = packed and chunks > 8  # As many as of a press are unpacked without threads
             if not ahead and not waiting:
                 yield _ready(opcode, body)
                 continue
@@ -139,7 +136,7 @@ def unpack_chunk(body: Bytes) -> Bytes:
 def _unzstd(packed: memoryview, size: int) -> bytes:
     """Unpack one zstd frame; the size that the frame itself gives allocates no memory."""
     try:
-        if zstandard.frame_content_size(packed) not in (size, _UNKNOWN_SIZE):
+        if zstandard.frame_content_size(packed) not in (size, -1):  # -1: written as a stream
             raise DamageError("a chunk's content has another size than its record says")
         return _OF_THREAD.unpack(packed, max_output_size=max(1, size))
     except zstandard.ZstdError as error:
@@ -173,7 +170,7 @@ def find_intact(file: BufferedReader, *opcodes: Opcode) -> Iterator[Record]:
             them would read more than `MOST_UNPACKED` times its size.
     """
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        require_checksum = data.find(CRC_KEY, 0, _HEAD) >= 0
+        require_checksum = data.find(CRC_KEY, 0, 1024**2) >= 0  # The first Metadata records
         at, left = 0, max(4 * LARGEST_CHUNK, MOST_UNPACKED * len(data))
         while match := _RECORD.search(data, at):
             start = match.start()

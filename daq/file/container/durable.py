@@ -14,7 +14,6 @@ from mcap.writer import CompressionType, Writer
 
 from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.container.records import (
-    CHUNK_SIZE,
     COPY,
     LARGEST_CHUNK,
     LARGEST_DEFINITIONS,
@@ -32,8 +31,6 @@ from sautereau.rig.disk import (
     why_unwritable,
 )
 
-_OVERHEAD = 64 * 1024  # bytes of a chunk besides its only message: prefixes and definitions
-
 
 def refuse_oversized(size: int) -> None:
     """Refuse a message of ``size`` bytes if it is larger than readers accept.
@@ -41,7 +38,7 @@ def refuse_oversized(size: int) -> None:
     Raises:
         RecordingError: It is.
     """
-    if size + _OVERHEAD > LARGEST_CHUNK:
+    if size + 64 * 1024 > LARGEST_CHUNK:  # With prefixes and definitions, besides its only message
         raise RecordingError(
             f"a message of {size} bytes exceeds the limit of {LARGEST_CHUNK} bytes that readers"
             " accept; split it"
@@ -60,7 +57,7 @@ class McapWriter(Writer):
         """
         super().__init__(
             stream,
-            chunk_size=CHUNK_SIZE,
+            chunk_size=256 * 1024,  # bytes, uncompressed, at which a chunk is closed
             compression=CompressionType.ZSTD if compress else CompressionType.NONE,
             enable_data_crcs=True,  # the library's default leaves the end of the data unverified
         )
@@ -128,10 +125,6 @@ PART = ".part"  # Appended to the name of a recording until it is complete
 FLUSH_PERIOD = 0.2
 """Time in s after which samples are flushed: a killed process loses at most this
 and one block."""
-SYNC_PERIOD = 1.0
-"""Time in s after which samples are synced to the disk: a power failure loses at most this and
-one block."""
-_BUFFER = 64 * 1024  # bytes: the counts of a few channels, with all around them, are one write
 
 
 class DurableFile:
@@ -168,7 +161,8 @@ class DurableFile:
             )
         with self.writing():
             refuse_name(self.path)
-            self.stream: BinaryIO = self.part_path.open("xb", buffering=_BUFFER)
+            # The counts of a few channels, with all around them, are one write.
+            self.stream: BinaryIO = self.part_path.open("xb", buffering=64 * 1024)
             self._named = False
             hold(self.stream)
 
@@ -287,9 +281,9 @@ class RecordingFile(DurableFile):
         return self._seconds() - self._flushed >= FLUSH_PERIOD
 
     def sync_if_due(self) -> None:
-        """Sync everything written to the disk if `SYNC_PERIOD` has passed since the last time."""
+        """Sync everything written to the disk if a second has passed since the last time."""
         now = self._seconds()
-        if now - self._synced >= SYNC_PERIOD:
+        if now - self._synced >= 1.0:  # A power failure loses at most this second and one block
             self._synced = now
             self.sync()
 

@@ -23,7 +23,6 @@ __all__ = ["MAGIC", "Opcode", "crc32"]
 
 LIBRARY = f"sautereau; {LIBRARY_IDENTIFIER}"
 """Library in the header of a file that `McapWriter` wrote: all its checksums are available."""
-CHUNK_SIZE = 256 * 1024  # Size in bytes, uncompressed, at which a chunk is closed
 COPY = " (copy)"
 """At the end of the name of a repeated Metadata record: viewers want names that are unique."""
 LARGEST_CHUNK = 32 * 1024**2  # Limit in bytes for any record and any unpacked chunk
@@ -39,8 +38,6 @@ INDEX_OFFSET = struct.Struct("<HQ")  # Channel, and offset of its MessageIndex
 _NUMBER = struct.Struct("<H")
 _LENGTH = struct.Struct("<I")
 CHANNEL = struct.Struct("<HH")  # Number of a channel and of its schema
-_LONGEST_RUN = 256
-"""Limit of the records compared at once. It bounds the work per record if the runs are short."""
 _HEAD = PREFIX.size + _NUMBER.size
 _CRC = "crc32"
 CRC_KEY = _CRC.encode()  # Bytes that the Metadata records of a recording with checksums contain
@@ -86,7 +83,8 @@ def records_within(
 
 def _run_length(chunk: Bytes, at: int, size: int) -> int:
     """Return how many consecutive records share opcode, length and channel, or fewer."""
-    n = min(_LONGEST_RUN, (len(chunk) - at) // size)
+    # At most 256, which bounds the work per record if the runs are short.
+    n = min(256, (len(chunk) - at) // size)
     # The first and the last 8 bytes of each head: numbers are compared faster than texts.
     heads = np.ndarray((n, 2), "<u8", chunk, at, (size, _HEAD - 8))
     return int((heads != heads[0]).argmax()) // 2 or n

@@ -13,8 +13,6 @@ from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Segments
 
 LEAST_INTERVAL = 4  # Controller samples of a row; the program needs a few lines for each row
-MOST_ROWS = 256
-_VOLTAGE_STEP = 1e-4  # V, resolution of the arrays
 SOURCES = {
     "posA": "_TPA",
     "posB": "_TPB",
@@ -79,7 +77,7 @@ def plan_push(rig: Rig, torque: TorqueTable, motion: Segments, volts: float) -> 
         raise UnsafeRequest(
             f"load: torque table: {'; '.join(faults)}; make a new one for this press"
         )
-    steps = -(-motion.total_samples // (MOST_ROWS * RESOLUTION))
+    steps = -(-motion.total_samples // (256 * RESOLUTION))  # At most 256 rows
     interval = max(LEAST_INTERVAL, steps * RESOLUTION)
     rows = -(-motion.total_samples // interval)
     middles = (np.arange(rows) + 0.5) * interval * period
@@ -104,7 +102,7 @@ def write_push(line: Line, push: Push | None) -> None:
     line.ask_packed([*arrays, f"{PUSHES}={rows}", f"{PUSH_EVERY}={-push.interval}"])
     line.verify({PUSHES: rows, PUSH_EVERY: -push.interval})
     held = np.column_stack([line.upload(name, rows) for name in PUSH])
-    if (wrong := np.abs(held - push.volts).max()) > _VOLTAGE_STEP:
+    if (wrong := np.abs(held - push.volts).max()) > 1e-4:  # V, the arrays' resolution
         raise SettingNotTaken(
             f"controller on {line.name}: a torque that it holds differs by {wrong:.4g} V from"
             " what was sent; load() again, and check the cable's shield"

@@ -27,8 +27,6 @@ from sautereau.robot.errors import (
 
 _STATE = ("_MOA", "_MOB", "_BGA", "_BGB", "_OFA", "_OFB")
 _SAFE = [1, 1, 0, 0, 0, 0]
-_CHARACTERS = 16  # of an array's element in an upload
-_BITS = 10  # of a character on a serial line
 _NEEDED = {"PV": "PVT mode", "TL": "limit of its torque", "OA": "check of its encoders"}
 """Commands without which the driver cannot press safely, by their letters."""
 _LOG = logging.getLogger(__name__)
@@ -50,8 +48,8 @@ class Connection:
         self.line = Line(port, settings.port, settings.timeout, first_wait(settings))
         self._serial = not settings.port.startswith(TCP)
         if self._serial:  # a renewal of the watchdog must not wait long behind an upload
-            characters = settings.baud_rate / _BITS * first_wait(settings)
-            self.line.piece = max(2, int(characters / _CHARACTERS))
+            characters = settings.baud_rate / 10 * first_wait(settings)  # 10 bits each
+            self.line.piece = max(2, int(characters / 16))  # 16 for an array's element
         self._polling = Polling(clock, sleep, "amplifiers")
         self.settings = ControllerSettings(self.line, rig)
         self._sign = signature(settings.trigger_output)

@@ -62,11 +62,7 @@ CLEAR_SEGMENTS = ("PVA=0,0,-1", "PVB=0,0,-1")  # Empties the FIFO of both axes
 NORMAL_ENDS = frozenset({0, 1, 31})  # Stop codes of a move or a PVT motion that came to its end
 EDGE_FOUND = 9  # Stop code of an axis that has found the edge of its home switch
 INDEX_FOUND = 10  # Stop code of an axis that has found an index
-LARGEST_STEP = 30_000_000  # Largest step of a segment (counts)
-LARGEST_VELOCITY = 15_000_000  # Largest velocity of a segment (counts per second)
-LONGEST_SEGMENT = 2048  # Longest segment (controller samples)
 _STEP_OF_ACCELERATION = 1024  # counts/s^2, resolution of AC and DC
-_LARGEST_ACCELERATION = 1_073_740_800  # counts/s^2
 CAUSES = frozenset({2, 3, 6, 8, 11, 12, 15})
 """Stop codes of all causes that switch the motors off, except the watchdog."""
 _STOP_CODES = {
@@ -116,7 +112,7 @@ def halting(limits: Limits) -> tuple[str, str]:
 
 
 def _rate(acceleration: float) -> int:
-    steps = int(min(acceleration, _LARGEST_ACCELERATION)) // _STEP_OF_ACCELERATION
+    steps = int(min(acceleration, 1_073_740_800)) // _STEP_OF_ACCELERATION  # The largest
     return max(1, steps) * _STEP_OF_ACCELERATION
 
 
@@ -142,9 +138,9 @@ def check_segments(segments: Segments) -> None:
     faults = [
         f"{what} of {value:g} {unit}, and the controller takes {limit:g} at most"
         for what, value, limit, unit in (
-            ("a step", np.abs(segments.steps).max(), LARGEST_STEP, "counts"),
-            ("a velocity", np.abs(segments.velocities).max(), LARGEST_VELOCITY, "counts/s"),
-            ("a segment", segments.samples.max(), LONGEST_SEGMENT, "samples"),
+            ("a step", np.abs(segments.steps).max(), 30_000_000, "counts"),
+            ("a velocity", np.abs(segments.velocities).max(), 15_000_000, "counts/s"),
+            ("a segment", segments.samples.max(), 2048, "samples"),
         )
         if value > limit
     ]

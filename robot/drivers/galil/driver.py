@@ -47,7 +47,6 @@ from sautereau.robot.drivers.powered_arm import PoweredArm
 from sautereau.robot.errors import MotionFault, SettingNotTaken
 from sautereau.trajectory.segments import Counts, Segments
 
-_FAST = 0.2  # Speed of the search for home (rad/s)
 _SLOW = 0.01  # Speed of the last approach to home (rad/s)
 _AXES = "AB"
 
@@ -82,7 +81,7 @@ class GalilDriver(Axes):
         start, reach = self.positions(), math.ceil(limits.in_counts(settings.home_travel))
         self.settings.limit_torque(settings.home_torque)
         self.settings.limit_travel(start - reach, start + reach)
-        self._find_edges(_AXES, _FAST)
+        self._find_edges(_AXES, 0.2)  # rad/s
         first, second = self.approach_home(), self.approach_home()
         if (apart := np.abs(second - first)).max() > settings.home_tolerance:
             raise MotionFault(

@@ -14,7 +14,6 @@ from sautereau.trajectory.segments import Counts
 VOLTAGE_STEP = 5e-4  # Step in V to which the controller rounds TL, OV and OF
 _SAMPLE_PERIODS = (970e-6, 1001e-6)  # s, what firmwares make of TM 1000
 _AMPLIFIERS = (7.0, 5.0)  # V, largest TL of internal amplifiers at their largest gain
-_OUT_OF_RANGE = 6  # error code
 _MEMORY = ("_MT", "_CE", "_AG", "_KP", "_KI", "_KD")
 _FURTHER = ("_FA", "_FV", "_IL")
 """Of the position loops as well, but not in the rig file's record of a verification."""
@@ -104,7 +103,7 @@ class ControllerSettings:
                 line.ask(f"TL {allowed:.4f},{allowed:.4f}")
                 break
             except CommandRefused as error:
-                if error.code != _OUT_OF_RANGE:
+                if error.code != 6:  # Out of range
                     raise
         taken = line.read("_TLA", "_TLB")
         if not 0 < min(taken) <= max(taken) <= volts + VOLTAGE_STEP:

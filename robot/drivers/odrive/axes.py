@@ -42,13 +42,11 @@ _BEFORE_POWER = {"config.control_mode": POSITION_CONTROL, "input_vel": 0, "input
 firmware keeps the velocity of an earlier input. Writing the control mode replaces the target by
 the position, so it is never written in motion."""
 _DEVICE = "error"  # Property of the device's errors; the others of `_BITS` are an axis's
-_CUT = 9  # Characters to which the firmware cuts a value: a number of so many digits may be longer
 _BITS: dict[str, dict[int, str]] = {}
 """Names of errors by the number of their bit, by property: `axis` is `axis0` or `axis1`."""
 for _property, _bit, _name in table_beside(Path(__file__).with_name("errors")):
     _BITS.setdefault(_property, {})[int(_bit)] = _name
 _OFF = tuple(f"w {name}.requested_state {IDLE}" for name in AXES)
-_DEBOUNCE = 2  # ms, in which a home switch bounces; at 0.05 rad/s it moves by 0.1 mrad
 _POSITIONS = ("f 0", "f 1")
 _CURRENTS = tuple(f"r {name}.motor.current_control.Iq_setpoint" for name in AXES)
 _REQUIRED = {
@@ -151,7 +149,7 @@ class Axes(StreamedDriver[Setpoints]):
         digits, value = self.line.reading(ask)
         if not value:
             return ""
-        if len(digits) >= _CUT:  # which bits are set cannot be known
+        if len(digits) >= 9:  # cut by the firmware: which bits are set cannot be known
             return f"an error whose number begins with {digits}; `dump_errors(odrv0)` in odrivetool"
         bits = _BITS[register]
         names = [name for bit, name in bits.items() if value >> bit & 1]
@@ -243,7 +241,8 @@ class Axes(StreamedDriver[Setpoints]):
                 f"{name}.motor.config.torque_lim": arm.torque_limit / ratio,
                 f"{name}.controller.config.input_filter_bandwidth": width,
                 f"{name}.min_endstop.config.offset": 0.0,
-                f"{name}.min_endstop.config.debounce_ms": _DEBOUNCE,
+                # At 0.05 rad/s a joint moves by 0.1 mrad in that time.
+                f"{name}.min_endstop.config.debounce_ms": 2,
             }
         found = line.read_many(self.due)
         line.refuse(

@@ -35,9 +35,7 @@ from sautereau.trajectory.segments import Counts, Segments
 FIRMWARE = "0.5.6"
 _HOMING = 11  # state of an axis
 _BACK_OFF = 0.02  # rad, off a home switch
-_FURTHEST = 0.5  # rad, that a joint may be below its home switch
 _SPEEDS = (0.2, 0.05)  # rad/s, to find the switches and to find them exactly
-_READING = 0.01  # s, until an enabled switch has been read, debounced
 _FLAWS = {
     "0.5.1": "it has no command to clear errors (sc)",
     "0.5.2": "it corrupts answers of several lines",
@@ -150,7 +148,7 @@ class OdriveDriver(Axes):
         up = self.limits.in_counts(_BACK_OFF) * (np.array([1, 2]) == joint)
         speed, moved = self.limits.in_counts(_SPEEDS[0]), 0.0
         while self._closed(joint):
-            if moved > _FURTHEST:
+            if moved > 0.5:  # rad below its home switch
                 raise MotionFault(
                     f"homing: the home switch of joint {joint} is still closed after {moved:.3g}"
                     " rad; check it and its wiring, or move the arm by hand"
@@ -166,7 +164,7 @@ class OdriveDriver(Axes):
             lambda: line.read(f"{name}.current_state") == IDLE, "switching off", SWITCHING
         )
         line.set({f"{name}.min_endstop.config.enabled": int(enabled)})
-        self.polling.sleep(_READING)
+        self.polling.sleep(0.01)  # s, until the switch has been read, debounced
 
     def _closed(self, joint: int) -> bool:
         return self.line.read(f"{AXES[joint - 1]}.min_endstop.endstop_state") != 0

@@ -27,13 +27,10 @@ _REFUSALS = (
     "unknown command",
 )
 _QUESTION = "r vbus_voltage"  # Asked to confirm the commands before it; any question would do
-_LONGEST_ANSWER = 64  # Characters that the firmware cuts an answer to
 _QUESTIONS = 4
 """Questions in one write: about 200 characters, as many as a row of setpoints with its questions,
 which the controller's input buffer holds."""
 _LAST = "Serial number:"  # Begins the last line with which the controller identifies itself
-_MOST_SKIPPED = 4096
-"""Characters of late answers that are skipped; the controller's own buffer holds 512."""
 
 
 class LineRefused(RobotError):  # noqa: N818 - the name says what happened
@@ -160,7 +157,7 @@ class OdriveLine(Wire):
             self._port.write(("\n" + "".join(map(framed, (*commands, "i")))).encode("ascii"))
             try:
                 while not (len(lines) > 2 and lines[-1].startswith(_LAST)):
-                    if sum(map(len, lines)) > _MOST_SKIPPED:
+                    if sum(map(len, lines)) > 4096:  # The controller's own buffer holds 512
                         raise self.garbled("i", lines[0], "it does not end")
                     text, valid = self._line("i")
                     lines.append(text if valid else "")
@@ -192,7 +189,8 @@ class OdriveLine(Wire):
             if not (data := self._read()):
                 raise self._silence(asked, repr(self._received) if self._received else "")
             self._received += data
-            if len(self._received) > _LONGEST_ANSWER and b"\n" not in self._received:
+            # The firmware cuts an answer to 64.
+            if len(self._received) > 64 and b"\n" not in self._received:
                 raise self.garbled(asked, self._received, "it is longer than any answer")
         received, _, self._received = self._received.partition(b"\n")
         text, star, sent = received.decode("latin-1").strip().rpartition("*")

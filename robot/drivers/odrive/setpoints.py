@@ -24,7 +24,6 @@ from sautereau.trajectory.segments import Counts, Segments, motion_at, segment_c
 
 INTERVAL = 4  # Controller samples between two setpoints: 256 per second
 LEAD = 26  # Intervals for which the arm is held and recorded before a motion
-_SETTLE = 20  # Controller samples during which the end of a motion is held and recorded
 
 
 def bandwidth(sample_period: float) -> float:
@@ -54,7 +53,8 @@ class Setpoints(Rows):
         cubics = segment_cubics(segments, 1.0, sample_period)
         motion = motion_at(segments, cubics, np.arange(last + 1))
         width = bandwidth(sample_period)
-        starts = np.arange(-LEAD * INTERVAL, last + _SETTLE, INTERVAL)
+        # 20 samples of the end are held and recorded.
+        starts = np.arange(-LEAD * INTERVAL, last + 20, INTERVAL)
         middles = np.clip(starts + INTERVAL // 2, 0, last)
         ends = np.clip(starts + INTERVAL, 0, last)
         moving = (middles > 0) & (middles < last)

@@ -20,7 +20,6 @@ from sautereau.trajectory.segments import Counts, Segments, to_counts
 _REST = 0.04
 """s, that the finger rests before and after each step; the force is averaged over half of it,
 one period of the mains."""
-FINER = 4  # Factor by which the steps of the second approach are smaller
 FRACTIONS = (1.0, 0.9, 0.8)
 """Points where the key is touched, as fractions of the pressing point's distance from the pin."""
 
@@ -197,7 +196,7 @@ def touch_at(rig: Rig, controller: MotionController, along: float, creep: Creep)
             f" the rig, {along * 1e3:.4g} mm in front of the pin; check where the finger is, and"
             " correct arm.base_x and arm.base_z by hand"
         )
-    fine = replace(creep, step=creep.step / FINER)
+    fine = replace(creep, step=creep.step / 4)
     first, last = touch.height + 1.5 * creep.step, touch.height - creep.step
     touch = _creep_down(rig, controller, along, first, last, fine) or touch
     controller.move_to(hover, approach_speed(rig))

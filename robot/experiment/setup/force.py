@@ -21,7 +21,6 @@ from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.motion import Floats
 from sautereau.trajectory.segments import Counts, Segments, to_angles
 
-WEIGHT = 0.05  # kg, expected of the weight: about the force of a pluck
 HANGING = 6.0  # s, of the recording in which the thread is cut
 REST = 0.4  # s, of a rest of the arm
 STROKE = 3e-3  # m, of the fingertip in the air
@@ -29,12 +28,9 @@ STROKES = 8  # Number of them, down and up again
 BAND = 60.0  # Hz, in which force and acceleration in the air are compared; the strokes take 20 ms
 BLOCK = 20e-3  # s, over which the force is averaged: one period of the mains
 BESIDE = 0.1  # s, beside the cut that is omitted: thread and finger swing
-WINDOW = 0.7  # s, from the cut to the ends of what is used
 FALL = 10e-3  # s of free fall that are compared, if the vibrometer's range permits
-EDGE = 3e-3  # s before the cut, from which the force is integrated: a thread parts within it
 LOCAL_GRAVITY = 1.5e-3
 """Dimensionless, relative standard uncertainty of the gravity of a place: 9.780 to 9.832 m/s^2."""
-SEEN = 0.5  # Fraction of a free fall that the vibrometer shows where it is aimed at the weight
 SURE = 2.0  # Standard uncertainties beyond which values differ: the intervals are of 95 %
 
 
@@ -72,7 +68,9 @@ def prove_force(rig: Rig, ask: Ask) -> Found:
         return Found(("force: the rig has no force channel",))
     found: list[Found] = []
     mass = ask.number(
-        "What is the mass of the weight? With none at hand, press Enter.", "kg", WEIGHT
+        "What is the mass of the weight? With none at hand, press Enter.",
+        "kg",
+        0.05,  # About the force of a pluck
     )
     with homed(rig) as controller:
         above = np.array([rig.press.hover + STROKE, rig.press.hover])
@@ -149,7 +147,8 @@ def proof_of(daq: Daq, volts: Mapping[str, Floats], mass: float, along: float = 
 
 def _step(force: Floats, rate: float) -> tuple[float, float, int]:
     """Return height [N] and standard uncertainty of the step in a force, and its sample."""
-    half, beside, window = (round(t * rate) for t in (BLOCK / 4, BESIDE, WINDOW))
+    # 0.7 s before and after the cut are used.
+    half, beside, window = (round(t * rate) for t in (BLOCK / 4, BESIDE, 0.7))
     sums = np.cumsum(np.concatenate([[0.0], force]))
     means = (sums[half:] - sums[:-half]) / half
     change = means[half:] - means[:-half]
@@ -199,7 +198,8 @@ def _fall(
     std = np.zeros(3)
     for _ in range(8):
         part = np.interp(rows + late * rate, np.arange(len(share)), share) - before
-        part[rows + late * rate < cut - EDGE * rate] = 0.0  # or hum would shift the integral
+        # A thread parts within 3 ms; hum would shift a longer integral.
+        part[rows + late * rate < cut - 3e-3 * rate] = 0.0
         fallen = GRAVITY * (np.cumsum(part) - part / 2) / rate
         columns = np.stack([fallen, GRAVITY * part, np.ones(len(rows))], 1)
         fit, _, _, _ = np.linalg.lstsq(columns, speed[rows], rcond=None)
@@ -240,7 +240,8 @@ def _proven(daq: Daq, proof: Proof) -> Found:
         values[f"{key}.scale"] = {"value": format_quantity(float(f"{scale:.5g}"), "N/V")}
         values[f"{key}.gain_std"] = {"value": float(f"{std / gain:.2g}")}
     velocity = daq.channel("velocity")
-    if velocity is None or abs(proof.speed_gain) <= SEEN:
+    # Of a free fall, where the laser is aimed at the weight.
+    if velocity is None or abs(proof.speed_gain) <= 0.5:
         doubts.append("the laser has not seen the weight fall: the delay is not measured")
         return Found(tuple(lines), values, figures, tuple(doubts))
     k, k_std = proof.speed_gain, proof.speed_gain_std

@@ -29,7 +29,6 @@ from sautereau.trajectory.segments import to_counts
 BEFORE_POWER = power_off.STEPS  # Group A: the amplifiers have no power
 WITH_POWER = (*motion.STEPS, *alignment.STEPS, *motion.BY_HAND)
 """Group B: the motors are switched on with little torque."""
-LEAST_TORQUE = 0.05  # Fraction of the torque limit in group B; more where the arm's weight needs it
 _WEIGHT = 2.0  # times the largest weight that the joints can hold
 
 
@@ -91,12 +90,10 @@ def trial_torque(rig: Rig) -> float:
     """Return the fraction of the torque limit that the verification uses."""
     joints = np.array([[0.0, 0.0], [rig.arm.home_angles[0], rig.arm.home_angles[1]]])
     weight = float(np.abs(gravity_torque(rig.arm, joints)).max())
-    return min(1.0, max(LEAST_TORQUE, _WEIGHT * weight / rig.arm.torque_limit))
+    return min(1.0, max(0.05, _WEIGHT * weight / rig.arm.torque_limit))
 
 
 _LOG = logging.getLogger(__name__)
-BAUD_RATES = (115_200, 19_200, 57_600, 38_400, 9_600)
-"""Bits per second that controllers are set to, the usual ones first."""
 TURN = math.radians(10)  # rad, that each joint turns in the check of its encoder
 SCALE = 0.05  # Relative deviation of a measured turn that is accepted, as precise as a protractor
 TOUCHED = 0.2  # N, above which the finger has touched something in the air
@@ -139,7 +136,7 @@ def find_port(rig: Rig, ask: Ask, ports: Iterable[str] | None = None) -> Found:
 def _try_port(rig: Rig, port: str, answers: list[str]) -> Found | None:
     """Return what is at a port, at any baud rate; None with the reasons added to ``answers``."""
     settings = rig.controller
-    rates = dict.fromkeys((settings.baud_rate, *BAUD_RATES))
+    rates = dict.fromkeys((settings.baud_rate, 115_200, 19_200, 57_600, 38_400, 9_600))
     if "://" in port:
         rates = {settings.baud_rate: None}
     reasons: dict[str, list[int]] = {}

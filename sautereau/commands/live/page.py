@@ -22,11 +22,8 @@ from sautereau.robot.experiment.session import WARM_UPS
 
 CONNECTIONS = 16  # At a time; further ones are closed
 WAITING = 256  # Events that wait for a browser that does not read, before it is disconnected
-TIMEOUT = 10.0  # s, for a browser to send its request or to take a part of the answer
-BEAT = 2.0  # s, between two signs of life without an event
 STRETCH = 64  # Number of samples of which the smallest and the largest are drawn
 KEPT = 600  # Events of the running press for browsers that come late: 60 s
-SHOWN = 12  # The newest presses, which the report shows
 NOTHING = "<!DOCTYPE html><title>no press yet</title><p>no press yet</p>"
 HEADERS = {
     "Cache-Control": "no-store",
@@ -166,7 +163,7 @@ class PageView:
             write(b"retry: 2000\n\n" + b"".join(past))
             while not self._ended.is_set():
                 try:
-                    event = browser.get(timeout=BEAT)
+                    event = browser.get(timeout=2.0)  # s, between signs of life
                 except Empty:
                     event = b": alive\n\n"
                 if event is None:
@@ -186,7 +183,7 @@ class PageView:
         while self._new.wait() and not self._ended.is_set():
             self._new.clear()
             recordings, warnings = self._recordings, self._warnings
-            newest = recordings[-SHOWN:]
+            newest = recordings[-12:]  # Which the report shows
             try:
                 from sautereau.entrance.report import page_of
 
@@ -237,7 +234,7 @@ class _Http(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    timeout = TIMEOUT
+    timeout = 10.0  # s, for a browser to send its request or to take a part of the answer
     server_version, sys_version = "sautereau", ""
 
     def __init__(self, view: PageView, *given: Any):

@@ -24,7 +24,6 @@ SUBPROTOCOLS = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
 ORIGINS = [None, "https://app.foxglove.dev", re.compile(r"(?!https?:)[a-z][a-z0-9+.-]*://.*")]
 """Who may read: programs, which state no origin or not one of the web, and Foxglove's own page.
 Browsers state the origin of any other page, which is therefore refused."""
-LONGEST = 1 << 16  # Byte, of a message from a viewer
 BEHIND = 1 << 22  # Byte that wait for a viewer that does not read, before it is disconnected
 _QUIET = logging.getLogger(__name__)
 _QUIET.disabled = True  # what strangers send is not for the operator's terminal
@@ -87,8 +86,8 @@ class Server:
 
     async def _serve(self, started: "Future[int]") -> None:
         self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
-        options: Any = {"origins": ORIGINS, "subprotocols": SUBPROTOCOLS, "max_size": LONGEST}
-        options |= {"compression": None, "close_timeout": 0.2, "logger": _QUIET}
+        options: Any = {"origins": ORIGINS, "subprotocols": SUBPROTOCOLS, "logger": _QUIET}
+        options |= {"compression": None, "close_timeout": 0.2, "max_size": 1 << 16}
         try:
             server = await serve(self._view, LOOPBACK, self.port, **options)
         except OSError as error:

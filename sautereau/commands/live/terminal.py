@@ -13,11 +13,8 @@ from sautereau.analysis.report.pictures import envelope
 from sautereau.robot.experiment.monitor import Made, Samples, Seen, Stage
 from sautereau.robot.experiment.session import WARM_UPS
 
-HEIGHT = 5  # Height of a trace, in lines
-STRETCH = 32  # Number of samples of which the smallest and the largest are drawn
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 """Bits of a Braille pattern, by column and by row from the top."""
-_BLANK = 0x2800
 
 
 class TerminalView:
@@ -56,7 +53,7 @@ class TerminalView:
                 case Samples():
                     for channel, volts in zip(one.channels, one.block.volts, strict=True):
                         label = f"{channel.name} ({channel.unit})"
-                        drawn = envelope(volts, 2 * len(volts) // STRETCH)
+                        drawn = envelope(volts, 2 * len(volts) // 32)
                         self._traces.setdefault(label, []).append(volts[drawn] * channel.scale)
                 case Made():
                     self._made += not one.path.match(WARM_UPS)
@@ -94,7 +91,7 @@ class TerminalView:
             if not np.isnan(values).all():
                 ends = f"{np.nanmin(values):.4g} to {np.nanmax(values):.4g}"
             lines.append(Text(f"{label}: {ends}", "dim"))
-            lines += [Text(line) for line in trace_lines(values, width, HEIGHT)]
+            lines += [Text(line) for line in trace_lines(values, width, 5)]
         return Panel(Group(*lines), title=Text(self._title), title_align="left")
 
 
@@ -110,7 +107,7 @@ def trace_lines(values: NDArray[np.float64], width: int, height: int) -> list[st
     """
     rows, columns = 4 * height, min(2 * width, len(values))
     finite = values[np.isfinite(values)]
-    cells = np.full((height, width), _BLANK)
+    cells = np.full((height, width), 0x2800)  # A blank pattern
     if not len(finite):
         return ["".join(map(chr, line)) for line in cells]
     low, span = float(finite.min()), float(np.ptp(finite)) or 1.0

@@ -58,7 +58,6 @@ _SENSITIVITIES = {
 """V per SI unit, per unit of a sensitivity."""
 _UNIT_OF = {"sensitivity": 0.0, "mic_sensitivity": 1e-3, "ext_shunt_resistor_val": 1.0}
 """V per SI unit, per unit of the sensitivity by its field; 0 for one that has units of its own."""
-_REFERENCE_PRESSURE = 20e-6  # Pa, of a sound pressure level
 _VOLTAGE_WITH_EXCITATION = 10323
 _USE_VOLTAGE, _USE_CURRENT = 10322, 10134
 
@@ -111,8 +110,8 @@ def _sensitivity(request: Any) -> tuple[float | None, float]:
 
 def _limits(request: Any) -> tuple[float, float]:
     if hasattr(request, "max_snd_press_level"):
-        # Amplitude of a sine of that level, dB of its RMS.
-        high = math.sqrt(2) * _REFERENCE_PRESSURE * 10 ** (request.max_snd_press_level / 20)
+        # Amplitude of a sine of that level, dB of its RMS relative to 20 uPa.
+        high = math.sqrt(2) * 20e-6 * 10 ** (request.max_snd_press_level / 20)
         return -high, high
     return request.min_val, request.max_val
 

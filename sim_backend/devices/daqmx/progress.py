@@ -126,7 +126,6 @@ def _reported(path: str) -> Iterator[None]:
         raise DaqmxError(-201309, f"The log {path} cannot be written: {error}") from error
 
 
-ON_DEMAND_RATE = 1000.0  # Hz, at which reads of a task without a sample clock are timed
 _SLICE = 0.1  # s, after which a waiting read checks whether its client is still there
 
 
@@ -199,7 +198,7 @@ class CardTask(TaskSettings):
             self.verify()
             with holding:
                 if self.rate is None:
-                    self._launch(ON_DEMAND_RATE, n)
+                    self._launch(1000.0, n)  # Hz, without a sample clock
                 else:
                     self.start()
         self._move()

@@ -34,7 +34,6 @@ from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, EXPORTS, FINITE, terminals
 
 SERIAL_NUMBER = 0x5A07E2EA
-VERSION = (25, 0, 0)
 _CHASSIS = "cDAQ-9178"
 _BUS_PCI, _BUS_USB, _BUS_COMPACT_DAQ, _BUS_UNKNOWN = 12582, 12586, 14637, 12588
 _START, _REFERENCE = 8, 4  # bits of the driver's trigger usage
@@ -93,9 +92,9 @@ def _bus(one: Device) -> int:
 SYSTEM = table(
     "SYSTEM",
     {
-        "NIDAQ_MAJOR_VERSION": VERSION[0],
-        "NIDAQ_MINOR_VERSION": VERSION[1],
-        "NIDAQ_UPDATE_VERSION": VERSION[2],
+        "NIDAQ_MAJOR_VERSION": 25,
+        "NIDAQ_MINOR_VERSION": 0,
+        "NIDAQ_UPDATE_VERSION": 0,
         "DEV_NAMES": lambda card: ", ".join(
             dict.fromkeys([owner_of(card), *(module.name for module in card.modules)])
         ),
@@ -249,7 +248,6 @@ EXPORTED = kept(
 )
 """Signals that a task puts on terminals, to which the bench connects nothing."""
 
-_ANALOG_INPUT = 10100
 _SECONDS, _PERIODS, _EXTERNAL = 10364, 10286, 10167
 _RIGHT, _DMA, _NO_COMPRESSION, _USE_CURRENT, _USE_DC = 10279, 10054, 10230, 10134, 10050
 
@@ -388,7 +386,7 @@ CHANNEL = {
     **table(
         "CHANNEL",
         {
-            "CHAN_TYPE": _ANALOG_INPUT,
+            "CHAN_TYPE": 10100,  # An analog input
             "PHYSICAL_CHAN_NAME": lambda seat: seat.input.physical,
             "AI_MEAS_TYPE": lambda seat: seat.input.measurement,
             "AI_IS_TEDS": False,

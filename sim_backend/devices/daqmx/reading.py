@@ -21,19 +21,16 @@ from sautereau.sim_backend.devices.daqmx.card import DaqmxError, invalid
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import REFERENCES, UNFOLLOWED
 
-MOST_SAMPLES = 8_000_000
-"""Samples of all channels that one read may return: what a message may hold."""
 NOT_YET_AVAILABLE = -200284
 _BY_CHANNEL, _BY_SCAN = 0, 1
 _WITH_TIMING, _WITH_NAMES = 1, 2
-_SINCE_1904 = 2_082_844_800  # s, from 1904 to 1970
 
 
 def _requested(task: CardTask, request: Any) -> int:
     """Return how many samples of each channel are read."""
     n = request.num_samps_per_chan
     n = task.remaining() if n < 0 else n
-    if n * len(task.channels) > MOST_SAMPLES:
+    if n * len(task.channels) > 8_000_000:  # Of all channels: what a message may hold
         raise DaqmxError(
             -50352, f"Memory for {n} samples of {len(task.channels)} channels was refused."
         )
@@ -131,7 +128,7 @@ class Reading:
         for (name, channel), row in zip(task.channels.items(), volts, strict=True):
             waveform = response.waveforms.add(dt=interval, y_data=channel.scaled(row))
             if mode & _WITH_TIMING:
-                waveform.t0.seconds = int(first) + _SINCE_1904
+                waveform.t0.seconds = int(first) + 2_082_844_800  # s, from 1904 to 1970
                 waveform.t0.fractional_seconds = int(first % 1 * 2**64)
             if mode & _WITH_NAMES:
                 waveform.attributes["NI_ChannelName"].string_value = name

@@ -19,11 +19,6 @@ from sautereau.sim_backend.sensors.chain import Function, OpenInput, SensorChain
 from sautereau.sim_backend.sensors.simulated import SIMULATED, SimulatedQuantity, Source
 from sautereau.trajectory.motion import Floats
 
-HELD = 64
-"""Controller samples of motion held before the edge, to compute their samples and drop old ones."""
-AHEAD = 10_000
-"""Samples by which simulated time may run ahead of the reader of a continuous acquisition."""
-
 
 @dataclass(frozen=True)
 class RunFault:
@@ -139,7 +134,8 @@ class SampledRun:
         """Whether it needs simulated time: for its samples, or paced because it is not over."""
         if self._paced:
             return not self._complete
-        end = min(self._end, self._goal + AHEAD)
+        # A continuous acquisition may run ahead of its reader.
+        end = min(self._end, self._goal + 10_000)
         return self.trigger_time is not None and self._done < end and not self.stopped
 
     @property
@@ -233,7 +229,7 @@ class SampledRun:
         self._done = min(last, self._converted(self._time - self.trigger_time))
         if self._paced and self._done - self._read_to > self._buffer:
             self._end = self._done  # as the driver: unread samples are not overwritten
-        if self._first is None and len(self._fed) == HELD:
+        if self._first is None and len(self._fed) == 64:
             self._compute(self._done)
             self._drop(self._done - 1 - (self._before or 0))  # an edge now is at the last one
 

@@ -15,7 +15,6 @@ from sautereau.sim_backend.devices.daqmx.task import FINITE
 
 _WAIT = 0.05  # s, after which a stream checks whether its client and its task are still there
 _ACQUIRED = 1
-_SIGNALS = (12487, 12530)  # Sample clock and sample complete, which occur once for each sample
 EVERY_N, DONE, SIGNAL = "every n samples", "done", "signal"  # Kinds of events
 
 
@@ -146,7 +145,8 @@ class Events:
     @_stream
     def RegisterSignalEvent(self, request, context):  # noqa: N802
         signal = given(request, "signal_id")
-        if signal not in _SIGNALS:
+        # Sample clock and sample complete, which occur once for each sample.
+        if signal not in (12487, 12530):
             raise DaqmxError(-200987, f"The stand-in has no events of the signal {signal}.")
         answer = pb.RegisterSignalEventResponse(signal_id=signal)
         yield from self._register(request, context, SIGNAL, -200949).every(1, answer)

@@ -84,8 +84,8 @@ class Axis:
 
     @property
     def free(self) -> int:
-        """Free places in the PVT buffer."""
-        return motion.FIFO_LENGTH - len(self.fifo)
+        """Free places in the PVT buffer of 255 segments besides the one being executed."""
+        return 255 - len(self.fifo)
 
     def rate(self, name: str) -> float:
         """Return AC, DC or SD [counts per sample squared]."""

@@ -16,9 +16,6 @@ from sautereau.sim_backend.devices.galil.ports import Download, Port, answer_lin
 from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.trajectory.motion import Floats
 
-RETRIES = 5 * 250
-"""Samples after which a message is given up that its host does not acknowledge: five retries."""
-
 
 def emulate(
     rig: Rig, plant: Plant, on_output: OnOutput, paced: bool, unit: ControllerUnit | None = None
@@ -106,7 +103,7 @@ class GalilFirmware(Machine):
 
     def miss_acknowledgement(self, letter: str) -> None:
         """Give a handle up after some retries, because its host does not acknowledge a message."""
-        self._giving_up.setdefault(letter, self.samples + RETRIES)
+        self._giving_up.setdefault(letter, self.samples + 5 * 250)  # Five retries
 
     def connected(self, letter: str) -> bool:
         """Return whether a handle is open."""
@@ -190,9 +187,6 @@ class GalilFirmware(Machine):
         return b":"
 
 
-BITS = 10  # Bits of one character, with its start and stop bit
-
-
 class Uart:
     """Characters under way in both directions, in simulated time.
 
@@ -202,7 +196,7 @@ class Uart:
     """
 
     def __init__(self, baud_rate: int, buffer: int) -> None:
-        self._time, self._buffer = BITS / baud_rate, buffer
+        self._time, self._buffer = 10 / baud_rate, buffer  # With its start and stop bit
         self._in: deque[tuple[float, int]] = deque()
         self._out: deque[tuple[float, int]] = deque()
         self._in_free = self._out_free = 0.0

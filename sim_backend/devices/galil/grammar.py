@@ -8,8 +8,6 @@ from sautereau.sim_backend.devices.galil.answers import CommandError
 from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import function, operand, variable
 
-LARGEST_NUMBER = 2.0**31
-"""Largest magnitude of a number in the controller, whose numbers are multiples of 1/65536."""
 QUERY = "?"
 STRING = 6  # Characters in a number
 
@@ -111,7 +109,7 @@ class _Expression:
 
 
 def _bounded(value: float) -> float:
-    if not abs(value) <= LARGEST_NUMBER:
+    if not abs(value) <= 2.0**31:  # Numbers are multiples of 1/65536
         raise CommandError(6)
     return int(value * 65536) / 65536
 

@@ -15,8 +15,6 @@ from typing import NamedTuple
 SAMPLES_PER_SECOND = 1024
 """The firmware's fixed ratio between counts per second and counts per sample, at any TM."""
 
-FIFO_LENGTH = 255  # PVT segments that an axis can buffer besides the one being executed
-
 
 class StopCode(IntEnum):
     """The answers of SC."""

@@ -81,8 +81,6 @@ class Program:
         return line
 
 
-DEPTH = 16  # Largest depth of nested subroutines
-
 ERROR_ROUTINES = ("#POSERR", "#LIMSWI", "#AMPERR", "#TCPERR")
 """Automatic subroutines that RE ends; the others are ended by EN."""
 
@@ -184,7 +182,7 @@ class Thread:
         Raises:
             CommandError: There are too many levels.
         """
-        if len(self._frames) == DEPTH:
+        if len(self._frames) == 16:  # Nested subroutines
             raise CommandError(12)
         self._frames.append(_Frame(self._next_line, tuple(self._rest), self.wait, routine))
         self._next_line, self._rest, self.wait = line, [], None

@@ -9,9 +9,6 @@ from sautereau.sim_backend.devices.galil.motion import Pvt, StopCode
 from sautereau.sim_backend.devices.galil.tasks import Tasks
 from sautereau.sim_backend.parts import ControllerUnit
 
-FEW_COUNTS = 4
-"""Counts of motion below which an encoder has failed, while the torque exceeds OV for OT."""
-ABORT_INPUTS = 4  # Inputs before those that abort single axes, if CN says so
 INPUTS = 8  # Digital inputs, numbered from 1
 ON_ERROR, ON_LIMIT = 1, 2  # Bits of OE
 
@@ -79,7 +76,8 @@ class CheckedAxes:
         for index, axis in enumerate(self.axes):
             if broken and axis.settings["OE"] and axis.motor_on:
                 self.switch_off(axis, StopCode.AMPLIFIER_FAULT)
-            if self.config["CN"][3] and not self.inputs[ABORT_INPUTS + index]:
+            # Inputs from the fifth on abort single axes, if CN says so.
+            if self.config["CN"][3] and not self.inputs[4 + index]:
                 axis.halt(StopCode.SELECTIVE_ABORT)
                 if int(axis.settings["OE"]) & ON_ERROR and axis.motor_on:
                     self.switch_off(axis, StopCode.SELECTIVE_ABORT)
@@ -124,7 +122,8 @@ class CheckedAxes:
         if not watched or abs(self.plant.torque_volts()[index]) <= settings["OV"]:
             axis.weak_samples = 0
             return
-        if axis.weak_samples == 0 or abs(raw - axis.weak_from) >= FEW_COUNTS:
+        # An encoder that counts less has failed, while the torque exceeds OV for OT.
+        if axis.weak_samples == 0 or abs(raw - axis.weak_from) >= 4:
             axis.weak_from, axis.weak_samples = raw, 0
         axis.weak_samples += 1
         if axis.weak_samples > settings["OT"]:

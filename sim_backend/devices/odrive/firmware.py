@@ -21,10 +21,7 @@ from sautereau.sim_backend.devices.odrive.axis import MOTOR_FAILED, SYSTEM_LEVEL
 from sautereau.sim_backend.devices.odrive.properties import AXIS, FLOAT, ROOT, Property, single
 from sautereau.trajectory.motion import Floats
 
-LONGEST_WAIT = 60.0  # s, by which the host may advance simulated time at once
-_SUPPLY = 24.0  # V
 _LINE = 256  # Largest number of bytes in a line; a longer one is ignored
-_ANSWER = 63
 
 
 def emulate(rig: Rig, plant: Plant, _on_output: OnOutput, paced: bool) -> "OdriveFirmware":
@@ -121,7 +118,7 @@ class OdriveFirmware:
 
     def grant(self, seconds: float | None) -> bool:
         """Let time advance by some seconds; return False where that is refused."""
-        if seconds is None or not self.stepped or not 0 <= seconds <= LONGEST_WAIT:
+        if seconds is None or not self.stepped or not 0 <= seconds <= 60.0:
             return False
         self._granted += max(1, round(seconds / self.period))
         return True
@@ -160,7 +157,7 @@ class OdriveFirmware:
         answers = command(text) if command else ["unknown command"]
         answer = ""
         for each in answers:
-            each = each[:_ANSWER]
+            each = each[:63]
             answer += f"{each}*{_checksum(each)}\r\n" if star else f"{each}\r\n"
         return answer.encode("latin-1")
 
@@ -236,7 +233,7 @@ class OdriveFirmware:
         if declared is None:
             return None
         if axis is None:
-            return declared.show(self.error if name == "error" else _SUPPLY)
+            return declared.show(self.error if name == "error" else 24.0)  # 24 V, the supply
         current = "motor.current_control.Iq_setpoint"
         computed = {
             "controller.trajectory_done": axis.done,

@@ -10,9 +10,6 @@ import struct
 from dataclasses import dataclass
 from typing import Literal
 
-LARGEST = 1e10
-"""Largest magnitude of a number that the stand-in accepts; the firmware has no such limit."""
-_CUT = 9  # Characters of a property's value: the firmware writes it into a buffer of 10
 _FLOAT = re.compile(r"\s*([+-]?(?:inf(?:inity)?|nan|(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?))", re.I)
 _INTEGER = re.compile(r"\s*([+-]?\d+)")
 
@@ -30,14 +27,14 @@ class Property:
         """Return the number at the head of a word, as `sscanf` does; None for none."""
         found = (_FLOAT if self.kind == "float" else _INTEGER).match(word)
         value = math.nan if found is None else float(found[1])
-        if not abs(value) <= LARGEST:
+        if not abs(value) <= 1e10:  # Which the firmware does not limit
             return None
         return float(value != 0) if self.kind == "bool" else single(value, self.kind)
 
     def show(self, value: float) -> str:
         """Return a value as text, cut where the firmware cuts it."""
         text = f"{single(value):f}" if self.kind == "float" else str(int(value))
-        return text[:_CUT]
+        return text[:9]  # It has a buffer of 10
 
 
 FLOAT, INTEGER, BOOL = Property("float"), Property("integer"), Property("bool")

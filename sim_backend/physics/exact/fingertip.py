@@ -5,9 +5,6 @@ import math
 from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.exact.compile import compiled, inlined
 
-AHEAD = 1e-6
-"""Dimensionless, fraction of a controller sample after which an ideal finger's direction counts."""
-
 
 @inlined
 def locate_tip(press, time):
@@ -131,7 +128,7 @@ def heading(press):
     finger, run = press.finger, press.run
     if finger.kind != ix.IDEAL or finger.still:
         return 0.0
-    locate_tip(press, run.time + AHEAD * run.period)
+    locate_tip(press, run.time + 1e-6 * run.period)  # Of an ideal finger
     sign = 1.0 if finger.speed >= 0.0 else -1.0
     locate_tip(press, run.time)
     return sign

@@ -16,8 +16,6 @@ from sautereau.sim_backend.physics.exact.inclusion import resolve, select
 from sautereau.sim_backend.physics.exact.step import guard, hold_tip, locate, try_step
 
 SHORTEST = 1e-8  # s, shortest divided step
-CROWDED = 24  # Events without a complete step between them, after which a nonsmooth step is taken
-NONSMOOTH = 1e-3  # Dimensionless, fraction of a step: length of a nonsmooth step
 MOST_STEPS, MORE_STEPS = 200_000, 1000
 """Divided steps of one call, and more of them per sample, above which a scene is too stiff."""
 
@@ -114,8 +112,9 @@ def pass_event(press, end):
     write_row(press)
     run.crowd += 1
     status = change(press)
-    if status == ix.FINE and run.crowd > CROWDED:
-        h = min(NONSMOOTH * run.step, end - run.time)
+    if status == ix.FINE and run.crowd > 24:
+        # A short nonsmooth step after many events without a complete one.
+        h = min(1e-3 * run.step, end - run.time)
         status = resolve(press, h)
         run.time, run.crowd = run.time + h, 0
         if status == ix.FINE:

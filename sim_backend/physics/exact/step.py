@@ -13,7 +13,6 @@ from sautereau.sim_backend.physics.exact.forces import accelerate, felt_push, su
 
 ANGLE, RISE, RATE, SPEED, FORCE = 1e-15, 1e-16, 1e-13, 1e-14, 1e-12
 """rad, m, rad/s, m/s and fraction of the weights: by which a guard is violated at an event."""
-SLOWEST = 1e-3  # rad/s and m/s, least reference speed of a relative error
 TRIALS, SAME = 100, 1e-16
 """Most iterations of a location, and the relative difference of times that counts as zero."""
 
@@ -40,7 +39,8 @@ def try_step(press, step):
             extrapolate(state, table, j, i)
             if j == rows - 1 and j > 0:
                 speed, first = state[1, i], start[1, i]
-                scale = max(abs(speed), abs(first), step * abs(start[2, i]), SLOWEST)
+                # Reference speeds are at least 1e-3 rad/s or m/s.
+                scale = max(abs(speed), abs(first), step * abs(start[2, i]), 1e-3)
                 error = max(error, abs(speed - table[2 * j - 1, i]) / scale)
     accelerate(press, run.time + step)
     return error

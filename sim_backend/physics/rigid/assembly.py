@@ -30,8 +30,6 @@ from sautereau.sim_backend.physics.rigid.pluck import Plucking
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.arm import fingertip_place
 
-RESOLVED = 0.1
-"""rad, phase of the fastest oscillation, or fraction of a decay, that a step covers at most."""
 TICK = 1e-9  # ms, below which a remaining time counts as zero
 SHORTEST = 1e-4  # ms, of a step, below which a scene is refused
 ITERATIONS = {"push": 20, "ideal": 20, "servo": 70}
@@ -43,7 +41,7 @@ class Division:
     """Division of the scene's step into equal parts that resolve the present contacts.
 
     A stiffness k on a mass m oscillates with omega = sqrt(k / m), and a damping c decays at the
-    rate c / m; a part covers at most `RESOLVED` of either. The mass is that of the jack or the
+    rate c / m; a part covers at most 0.1 of either. The mass is that of the jack or the
     key alone, a lower bound of the oscillating mass.
 
     Args:
@@ -113,7 +111,7 @@ class Division:
 
     def _parts(self, rate: float) -> int:
         """Return the number of parts that resolve a rate [1/ms]."""
-        return max(1, math.ceil(self._step * rate / RESOLVED - 1e-9))
+        return max(1, math.ceil(self._step * rate / 0.1 - 1e-9))
 
 
 def _rate(stiffness: float, jack: CarriedJack) -> float:

@@ -34,8 +34,6 @@ angular_velocity_of = cast(Callable[[pymunk.Body], float], pymunk.Body.angular_v
 impulse_of = cast(Callable[[Constraint], float], Constraint.impulse.fget)
 
 HEAVY = 1e9  # g, of the key: the pin carries it, so only the moment of inertia matters
-_STILL = 1e-300
-"""Speed at which a unilateral joint corrects an overlap: none, which would be a rebound."""
 
 Dry = list[tuple[Constraint, float]]
 """Joints with dry friction, each with its limit [N mm or N]."""
@@ -49,7 +47,8 @@ def hard(joint: Constraint) -> Constraint:
 
 def unilateral(joint: Constraint) -> Constraint:
     """Make a joint unilateral in velocity only; its contact is located inside the step."""
-    joint.max_bias = _STILL
+    # The speed at which it corrects an overlap: none, which would be a rebound.
+    joint.max_bias = 1e-300
     return joint
 
 

@@ -30,7 +30,6 @@ from sautereau.sim_backend.physics.structures import LARGEST_ANGLE
 from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.motion import Floats
 
-TOLERANCE = 1e-12  # ms, of an event's time
 MOST_EVENTS = 1000  # Changes of contact in one controller sample above which a step is too long
 
 Row = tuple[float, float, float, float, float, float, float]
@@ -318,6 +317,7 @@ def earliest(possible: list[Event], drift: float) -> tuple[float, Event | None]:
             continue
         if event.margin(0.0) <= 0:
             return 0.0, event
-        found: float = brentq(event.margin, 0.0, time, xtol=TOLERANCE)  # pyright: ignore
+        # To 1e-12 ms.
+        found: float = brentq(event.margin, 0.0, time, xtol=1e-12)  # pyright: ignore
         time, first = found, event
     return time, first

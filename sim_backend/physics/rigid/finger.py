@@ -27,10 +27,8 @@ from sautereau.sim_backend.scene import Scene
 from sautereau.trajectory.key import contact_angle
 from sautereau.trajectory.motion import Floats, dot
 
-APART = -1e-9  # mm, overlap below which a pad has left the key
-CHECKED = 8  # Equal parts of a sample at whose ends a finger is checked to stay off a key at rest
-SAME = 1e-9  # ms, below which two times are the same
 _ENDS = np.array([0.0, 1.0, 2.0])  # of a controller sample, and of the next
+CHECKED = 8  # Equal parts of a sample at whose ends a finger is checked to stay off a key at rest
 
 Pair = tuple[float, float]
 
@@ -206,7 +204,8 @@ class SteppedFinger(Finger, ABC):
         overlap = -self._over(x, z, angle)
         reach = -(x * cosine + z * sine)
         closing = speed_x * sine - speed_z * cosine - omega * reach
-        self.separated = self.separated or overlap < APART
+        # mm, a pad with a smaller overlap has left the key.
+        self.separated = self.separated or overlap < -1e-9
         push = self._stiffness * overlap + self._damping * closing
         self._pressed = 0.0 if self.separated else max(0.0, push)
         self.before = 0.0 if self._fresh else self._pressed
@@ -315,7 +314,7 @@ class IdealFinger(PaddedIdealFinger):
         ahead, step, _ = kick
         self._elapsed = elapsed
         then, reach = self._next
-        self._reach = reach if abs(then - elapsed) < SAME else self._touching(elapsed)[1]
+        self._reach = reach if abs(then - elapsed) < 1e-9 else self._touching(elapsed)[1]  # ms
         if self.friction is not None:  # the moment per force
             part = self.friction.part(self._force, omega, step)
             self._reach += part * self.friction.height

@@ -8,9 +8,8 @@ from sautereau.rig.instrument import Choir
 from sautereau.sim_backend.physics import structures as ix
 from sautereau.sim_backend.physics.events import PluckEvents, StringEvent
 from sautereau.sim_backend.physics.parameters import jack_of
+from sautereau.sim_backend.physics.rigid.bodies import MM
 from sautereau.sim_backend.scene import Scene
-
-MM = 1e3
 
 
 class Plucking:

@@ -30,13 +30,6 @@ from sautereau.analysis.model.plectrum.table import Samples, nodes, through
 from sautereau.analysis.model.plectrum.tapered import laws, load_range, samples
 from sautereau.rig.progress import tracked
 
-ACCURACY = 4e-4
-"""Dimensionless; error of a table, relative to displacement and rotation, below which more
-solutions are not tried."""
-_SIZES = ((3, 4, 5), (3, 7, 6), (4, 12, 7))  # Drags, positions and loads, until it is accurate
-LOAD_LIMIT = 2.0
-"""Largest load f = F L^2 / EI, dimensionless; EI follows from the plectrum's rotation under a small
-load at its tip. A uniform plectrum turns by 56 degrees at this load."""
 HALVINGS = 4  # Of the largest load, where a thick plectrum finds no equilibrium under it
 DEPTH = 1e-7
 """In lengths, depth of a cut between whose meshes differences are taken. The tangent is that of the
@@ -63,7 +56,9 @@ class Solver:
         flexibility = -2 * section_at(self.body.grid, 1.0).rotation_rate(bent)
         self.unit = profile.clamp_thickness**3 / 12
         """Load q = 1, F s^2 over EI at the clamp, in E W L^3."""
-        self.limit = LOAD_LIMIT / flexibility / self.unit
+        # F = F L^2 / EI of 2, where EI follows from the plectrum's rotation under a small load at
+        # its tip: a uniform plectrum turns by 56 degrees.
+        self.limit = 2.0 / flexibility / self.unit
         """Largest load q."""
 
     def laws(self, places: Floats, loads: Floats, drags: Floats) -> Floats:
@@ -174,7 +169,8 @@ def _up_to(most: float, solver: Solver, nearest: float) -> tuple[Samples, Rates]
     elastica = samples(profile, nearest, most, True)
     ends = ((-FRICTION_MAX, FRICTION_MAX), (0.0, elastica.q_max), (nearest, 1.0))
     found, exact, rates = elastica, None, Rates(np.empty(0))
-    for size in _SIZES:
+    # Drags, positions and loads, until it is accurate.
+    for size in ((3, 4, 5), (3, 7, 6), (4, 12, 7)):
         drags, loads, positions = (nodes(n, *end) for n, end in zip(size, ends, strict=True))
         at = positions, loads, drags
         solved = (solver if exact is None else uncut).laws_and_rates(*at)
@@ -183,7 +179,7 @@ def _up_to(most: float, solver: Solver, nearest: float) -> tuple[Samples, Rates]
         added = solved[0] - laws(profile, *at, at_surface=True)
         found = replace(elastica, laws=elastica.laws + _spread(added, elastica))
         found = found.checked(exact)
-        if found.error <= ACCURACY:
+        if found.error <= 4e-4:  # Relative to displacement and rotation
             break
     return found, rates
 

@@ -11,7 +11,6 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.profile import Profile, bump
 
 COLUMNS = 60  # Number of elements from clamp to tip
-LAYERS = 4  # Number of elements through the thickness
 
 
 def columns(profile: Profile, count: int) -> Floats:
@@ -58,7 +57,7 @@ class Grid:
         return 2 * self.layers + 1
 
 
-def plectrum_grid(profile: Profile, count: int = COLUMNS, layers: int = LAYERS) -> Grid:
+def plectrum_grid(profile: Profile, count: int = COLUMNS, layers: int = 4) -> Grid:
     """Mesh a plectrum with ``count`` columns and ``layers`` layers of elements."""
     return grid_between(profile, columns(profile, count), layers)
 

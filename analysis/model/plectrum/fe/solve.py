@@ -16,9 +16,6 @@ from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.fe.mesh import Grid, Patch
 
 ITERATIONS = 12  # Maximum per load step
-RESIDUAL = 1e-10  # Tolerance on the residual relative to the load, apart from rounding
-HALVINGS = 8  # Maximum per load step
-_REMEMBERED = 4
 
 
 class Elastic(NamedTuple):
@@ -142,9 +139,9 @@ def solve_loads(body: Body, patch: Patch, forces: Sequence[float] | Floats) -> l
             force = target if halvings == 0 else path[-1][0] + step
             u = newton(body, patch, force, _extrapolated(path, force))
             if u is not None:
-                path = [*path[-_REMEMBERED:], (force, u)]
+                path = [*path[-4:], (force, u)]
                 halvings = max(0, halvings - 1)
-            elif halvings < HALVINGS:
+            elif halvings < 8:
                 halvings += 1
             else:
                 raise ModelError(
@@ -176,7 +173,8 @@ def iterates(body: Body, patch: Patch, force: float, u: Floats):
         load = force * patch.unit_load(u)
         residual = (load - internal)[free]
         rounding = 8 * np.finfo(float).eps * np.abs(u).max() * np.abs(band[width]).max()
-        yield u, np.abs(residual).max(), RESIDUAL * np.abs(load).max() + rounding
+        # Relative to the load, apart from rounding.
+        yield u, np.abs(residual).max(), 1e-10 * np.abs(load).max() + rounding
         g, p = (part[free] for part in patch.turning(u))
         if not np.all(np.isfinite(band)):
             return

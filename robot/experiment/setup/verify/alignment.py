@@ -27,17 +27,10 @@ from sautereau.trajectory.arm import fingertip_place, joints_holding_point
 from sautereau.trajectory.motion import Floats, Motion
 from sautereau.trajectory.segments import Segments
 
-_FAST = 0.03  # Speed of the finger at a fast contact (m/s)
-_SLOW = 0.003  # Speed of the finger at a slow contact (m/s)
 _APART = 0.6e-3
 """Distance of start and end from the key's surface (m), which is crossed at a constant speed."""
 _RAMP = 20e-3  # Duration of acceleration and of deceleration (s)
 _REST = 20e-3  # Rest before the motion (s)
-_SLOW_STARTS = 3  # Number of slow contacts
-_STARTS = 50  # Number of fast contacts
-_SIMULATED_STARTS = 5  # Number of fast contacts on the stand-in
-_LEVEL = 20e-3  # Increase of the force that counts as a contact (N). Its beginning is extrapolated.
-_TOP = 3.0  # Multiple of that increase up to which the extrapolation uses the force
 _CREEP = Creep(step=0.4e-3, speed=10e-3)
 _APPROACH = {"arm.approach_speed": "0.2 rad/s"}
 
@@ -59,9 +52,10 @@ def trigger_delay(bench: Workbench) -> None:
         with bench.controller.powered():
             bench.controller.home()
             height = touch_at(rig, bench.controller, rig.key.press_arm, _CREEP).height
-            starts = _SIMULATED_STARTS if bench.controller.simulated else _STARTS
-            slow = [_contact(bench, rig, channel, height, _SLOW) for _ in range(_SLOW_STARTS)]
-            fast = [_contact(bench, rig, channel, height, _FAST) for _ in range(starts)]
+            starts = 5 if bench.controller.simulated else 50
+            # Speeds of the finger in m/s.
+            slow = [_contact(bench, rig, channel, height, 0.003) for _ in range(3)]
+            fast = [_contact(bench, rig, channel, height, 0.03) for _ in range(starts)]
     except (NoContact, DaqError) as error:
         bench.warn(f"not measured: {error}; run setup touch, then setup verify again")
         return
@@ -121,12 +115,12 @@ def onset(force: Floats, rate: float) -> float:
     """
     rest = force[: round(_REST / 2 * rate)]
     rise = np.abs(force - rest.mean())
-    level = max(_LEVEL, 6 * float(rest.std()))
+    level = max(20e-3, 6 * float(rest.std()))  # 20 mN: the contact's beginning is extrapolated
     above = np.flatnonzero(rise > level)
     if not len(above):
         raise NoContact("the finger met no key")
     first = int(above[0])
-    end = first + max(2, int(np.argmax(rise[first:] > _TOP * level)))
+    end = first + max(2, int(np.argmax(rise[first:] > 3.0 * level)))
     slope, offset = np.polyfit(np.arange(first, end), rise[first:end], 1)
     begun = -offset / slope if slope > 0 else first
     return float(np.clip(begun, 2 * first - end, first)) / rate

@@ -9,10 +9,8 @@ from sautereau.robot.errors import CommandRefused
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
 
 _SMALL_ERROR = 0.05  # rad, following error at which the motors go off
-_REACTION = 0.05  # s, that the controller may need to switch off
 _STEP = 0.02  # rad, of a small motion
 _HOMINGS = 5
-_HOLD = 0.5  # s
 _FAST = 7  # logarithm to base 2 of the samples of a fast motion
 _LONGEST = 10  # s, until a small motion has ended
 _ROWS = 32  # of a record
@@ -25,7 +23,7 @@ def holding(bench: Workbench) -> None:
     driver.settings.limit_error(round(driver.limits.in_counts(_SMALL_ERROR)))
     start = driver.positions()
     with bench.controller.powered():
-        _wait(bench, _HOLD)
+        _wait(bench, 0.5)
         off = line.read("_MOA", "_MOB")
         moved = np.abs(driver.positions() - start)
     bench.expect(
@@ -59,7 +57,7 @@ def watchdog(bench: Workbench) -> None:
         driver.silent = False
     took = (now - begun) * rig.sample_period
     bench.expect(
-        off == [1, 1] and took <= rig.watchdog_period + _REACTION,
+        off == [1, 1] and took <= rig.watchdog_period + 0.05,  # s, to switch off
         f"the motors went off {took:.3g} s after the watchdog was last renewed, and"
         f" controller.watchdog_period is {rig.watchdog_period:g} s",
         "do not use this controller without a watchdog relay",

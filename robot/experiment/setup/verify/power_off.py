@@ -16,7 +16,6 @@ from sautereau.robot.experiment.setup.step import Declined
 from sautereau.robot.experiment.setup.verify.workbench import VerifyStep, Workbench
 
 _KEPT = ("_TM", "_BWA", "_BWB", "_CN0", "_CN1", "_OEA", "_OEB", "_LDA", "_LDB", "_AGA", "_AGB")
-_THREADS = range(8)
 _BITS = {
     "_LFA": "the forward limit switch of joint 1",
     "_LRA": "the reverse limit switch of joint 1",
@@ -26,9 +25,6 @@ _BITS = {
     "_HMB": "the home switch of joint 2",
     "_AB": "the abort input (emergency stop)",
 }
-_LIFT = math.radians(5)
-_BY_EYE = 2.5  # Dimensionless, factor by which a joint that is turned by hand may turn less or more
-_LARGEST = 4000  # elements of an array that a press uploads
 _ROWS = 24
 _EVERY = 4  # samples between two rows of the timing program
 _TIMING = (
@@ -42,7 +38,6 @@ _TIMING = (
     "JP #BUSY,timed=0",
     "EN",
 )
-_PROBE = 0.02  # of the torque limit
 _RECORDED = 16  # rows
 
 
@@ -58,7 +53,7 @@ def look(bench: Workbench) -> None:
         absent = driver.model.absent if driver.model else frozenset()
         names = [name for name in _KEPT if name[1:3] not in absent]
         kept = dict(zip(names, line.read(*names), strict=True))
-        threads = [line.read(f"_XQ{n}")[0] for n in _THREADS]
+        threads = [line.read(f"_XQ{n}")[0] for n in range(8)]
         program = "\n".join(line.listing())
         if off != [1, 1]:
             driver.abort()
@@ -130,7 +125,7 @@ def inputs(bench: Workbench) -> None:
 
 def encoders(bench: Workbench) -> None:
     """Have each joint lifted by hand: its own count must rise."""
-    due = bench.driver.limits.in_counts(_LIFT)
+    due = bench.driver.limits.in_counts(math.radians(5))
     for joint in (0, 1):
         before = bench.driver.positions()
         if not bench.by_hand(f"Turn joint {joint + 1} counter-clockwise by about 5 deg."):
@@ -143,7 +138,7 @@ def encoders(bench: Workbench) -> None:
             "swap the encoders' cables, or reverse the encoder with CE",
         )
         bench.expect(
-            due / _BY_EYE < moved[joint] < due * _BY_EYE,
+            due / 2.5 < moved[joint] < due * 2.5,  # by eye
             f"{seen}, where {due:.0f} counts are 5 deg",
             "correct arm.counts_per_revolution, or connect the encoder's second channel",
         )
@@ -181,7 +176,7 @@ def upload(bench: Workbench) -> None:
     ended = "ends with control-Z" if "\x1a" in text else "has no control-Z"
     bench.say(f"an upload {ended}; {rate:.0f} characters per second")
     bench.figures["upload_rate"] = rate
-    longest = min(line.piece, _LARGEST) / _ROWS * duration
+    longest = min(line.piece, 4000) / _ROWS * duration  # Elements that a press uploads
     bench.expect(
         longest < rig.watchdog_period / 2,
         f"a piece of an upload takes {longest:.3g} s, too long for the watchdog's"
@@ -243,7 +238,7 @@ def timing(bench: Workbench) -> None:
 def torque_record(bench: Workbench) -> None:
     """Compare the recorded torque with the operand, for a small offset."""
     line, controller = bench.line, bench.controller
-    volts = _PROBE * bench.rig.controller.full_torque
+    volts = 0.02 * bench.rig.controller.full_torque
     with controller.powered():
         line.ask("DA *[]")
         line.ask(f"DM vtrq[{_RECORDED}]")

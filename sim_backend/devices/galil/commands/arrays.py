@@ -11,14 +11,10 @@ from sautereau.sim_backend.devices.galil.machine import Machine
 from sautereau.sim_backend.devices.galil.operands import AXIS_OPERANDS, variable, whole
 from sautereau.sim_backend.devices.galil.ports import Download
 
-TRANSFER_NAME = 7  # Longest name of an array that is recorded or uploaded
-SOURCES = 8  # Arrays that are recorded at once
-FULL_TORQUE = 32_767  # Recorded number of a torque command of 10 V
-
 
 def _recorded_torque(machine: Machine, axis: int) -> float:
     volts = machine.plant.torque_volts()[axis]
-    return volts if machine.unit.recorded_torque == "volts" else round(volts / 10 * FULL_TORQUE)
+    return volts if machine.unit.recorded_torque == "volts" else round(volts / 10 * 32_767)  # 10 V
 
 
 _AXIS_SOURCES: dict[str, Callable[[Machine, int], float]] = {
@@ -87,7 +83,7 @@ def _check_free(machine: Machine, recorded: int = 0) -> None:
     """Refuse a command while a capture runs, or to record so much at once."""
     if machine.capture.running:
         raise CommandError(80)
-    if recorded > SOURCES:
+    if recorded > 8:
         raise CommandError(4)
 
 
@@ -162,7 +158,7 @@ def _piece(machine: Machine, parts: list[str], values: list[float]) -> tuple[int
 
 def _transferred(machine: Machine, name: str) -> list[float]:
     values = machine.arrays.values(name)
-    if len(name) > TRANSFER_NAME:
+    if len(name) > 7:  # Characters
         raise CommandError(57)
     return values
 

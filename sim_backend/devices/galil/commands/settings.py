@@ -15,7 +15,6 @@ from sautereau.sim_backend.devices.galil.memory import OUTPUTS, Memory
 from sautereau.sim_backend.devices.galil.operands import whole
 from sautereau.sim_backend.devices.galil.ports import HANDLES
 
-PASSWORD = 8  # Characters in a password
 BURN_TIME = 1.0  # s, that BN takes; BP and BV take twice as long
 LIMITED = {
     "D3040": (2, 7.0),
@@ -190,7 +189,7 @@ def set_password(machine: Machine, call: Call) -> None:
         raise CommandError(106)
     if first != second:
         raise CommandError(138)
-    if len(first) > PASSWORD:
+    if len(first) > 8:  # Characters
         raise CommandError(52)
     machine.password = first
 
