@@ -208,6 +208,9 @@ def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
     assert "aborted by the operator" in errors[0]
     with quick as bench:
         assert len(bench.press(3, out=tmp_path)) == 3
+    for call in (bench.press, bench.learn):
+        with pytest.raises(RobotError, match="bench: its `with` block has ended"):
+            call(4, out=tmp_path / "after")
 
 
 def test_a_plan_that_needs_an_operator_says_so(quick, rig_file, tmp_path):
