@@ -197,8 +197,12 @@ class Learning:
         on: Callable[[Connected], Any],
         on_press: Callable[[Path, float], Any],
     ) -> None:
-        made, first = self._made, len(self._made.errors) + 1
-        with self._bench.connected(seed=seed_from(folder.seed, first)) as bench:
+        made, first, control = self._made, len(self._made.errors) + 1, self._bench.control
+        control.wait()
+        with (
+            self._bench.connected(seed=seed_from(folder.seed, first)) as bench,
+            control.over(motion_controller(bench.rig)) as controller,
+        ):
             on(bench)
 
             def done(item: Item, path: Path) -> None:
@@ -220,10 +224,11 @@ class Learning:
                 on_press(path, made.errors[-1])
 
             make_presses(
-                motion_controller(bench.rig),
+                controller,
                 self._out,
                 with_warm_ups(made.presses_on(bench.rig), self._plan.warm_up),
                 Origin(folder.session, bench.scene, bench.seed),
                 on_ready=folder.start,
                 on_press=done,
+                watch=control.watched(lambda event: None),
             )

@@ -2,6 +2,7 @@
 
 import json
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -211,6 +212,29 @@ def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
     for call in (bench.press, bench.learn):
         with pytest.raises(RobotError, match="bench: its `with` block has ended"):
             call(4, out=tmp_path / "after")
+
+
+@pytest.mark.slow
+def test_an_abort_from_another_thread_ends_learning(quick, tmp_path):
+    """It went on to its last press, with the motors on."""
+    errors = []
+
+    def run():
+        try:
+            quick.learn(20, out=tmp_path)
+        except RobotError as error:
+            errors.append(str(error))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("*.mcap")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    quick.abort()
+    thread.join(60)
+    assert errors
+    assert "aborted by the operator" in errors[0]
+    assert len(list(tmp_path.glob("press-*.mcap"))) < 20
 
 
 def test_a_plan_that_needs_an_operator_says_so(quick, rig_file, tmp_path):
