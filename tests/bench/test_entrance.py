@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import sautereau as st
+from sautereau.analysis.errors import AnalysisError
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.errors import RigError, SautereauError
 from sautereau.robot.errors import RobotError
@@ -244,6 +245,21 @@ def test_a_plan_that_needs_an_operator_says_so(quick, rig_file, tmp_path):
         hardware.press(lambda: st.ask("Look at the jack"), out=tmp_path)
     with pytest.raises(RobotError, match="is no plan"):
         quick.press([1, 2], out=tmp_path)
+
+
+@pytest.mark.parametrize("rest", ["2", "2 m", -1.0, float("nan"), None])
+def test_a_wrong_time_between_presses_is_named(quick, tmp_path, rest):
+    with pytest.raises(RobotError, match=r"^rest: "):
+        quick.press(2, out=tmp_path, rest=rest)
+
+
+def test_names_may_be_one_text():
+    """It was read letter by letter."""
+    session = st.open(Path(__file__).parents[1] / "data/written_by_0.1/session")
+    with pytest.raises(
+        AnalysisError, match=r"plectrum\.overlapp: no parameter.*plectrum\.overlap'"
+    ):
+        session.identify("key.inertia, plectrum.overlapp")
 
 
 @pytest.mark.slow
