@@ -75,6 +75,7 @@ def test_everything_beside_the_samples_comes_back(complete_recording, paper, ses
     assert found.rig.sources == paper.sources
     assert found.session == session
     assert found.simulated is True
+    assert repr(found) == f"<Recorded: {found.n_samples} samples of velocity, force at 51203.3 Hz>"
     assert found.complete is True
     assert found.rate == 51_203.277
     assert found.n_samples == 5000
