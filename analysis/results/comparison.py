@@ -48,7 +48,9 @@ class Comparison(Result):
 
     def __repr__(self) -> str:
         conditions = counted(len(self.found.conditions), "condition")
-        return f"<Comparison of {counted(len(self.found.presses), 'press')}, {conditions}>"
+        others = [press for pair in self.pairs for press in pair.second.presses]
+        against = f" against {counted(len(others), 'press')}" * bool(others)
+        return f"<Comparison of {counted(len(self.found.presses), 'press')}{against}, {conditions}>"
 
     def lines(self, features: bool = True, remarks: bool = True) -> list[str]:
         """Return the comparison as text.

@@ -306,6 +306,8 @@ def test_a_string_that_another_set_lacks_is_one_difference(four):
 
 def test_sessions_open_from_folders_patterns_lists_and_tables(four, tmp_path):
     folder, _ = four
+    both = st.open(folder).compare(folder)
+    assert repr(both) == "<Comparison of 4 presses against 4 presses, 1 condition>"
     run_campaign(folder, tmp_path / "table.parquet")
     for what in (folder, f"{folder}/*.mcap", sorted(folder.glob("*.mcap")), [folder]):
         assert [press.path.name for press in st.open(what)][:1] == ["press-0001.mcap"]
