@@ -152,7 +152,7 @@ class Scene(Section):
     """Instead of the rig's."""
     truth: Annotated[dict[str, Any], BeforeValidator(_dotted)] = Field(default_factory=dict)
     """Where the simulated instrument differs from the rig: values by dotted key, such as
-    `"jack.mass" = "7 g"`."""
+    `"jack.mass" = "7 g"`. A value on which no simulated part depends is refused."""
     record_truth: bool = False
     """Whether a file with the true events is written beside every recording, for tests."""
 
