@@ -74,7 +74,7 @@ def test_presses_with_and_without_a_pluck_go_into_a_file(make_press, tmp_path):
     assert path.stat().st_size > 10_000
 
 
-def test_presses_of_two_folders_and_rigs_can_be_told_apart(make_press):
+def test_presses_of_two_folders_and_rigs_have_names_of_their_own(make_press):
     rigs = [with_values(make_press().rig, {"name": name}) for name in ("a4", "c4")]
     presses = [
         replace(make_press(), path=Path(rig.name) / "press-0001.mcap", rig=rig) for rig in rigs

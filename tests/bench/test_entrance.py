@@ -217,7 +217,7 @@ def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
 
 @pytest.mark.slow
 def test_an_abort_from_another_thread_ends_learning(quick, tmp_path):
-    """It went on to its last press, with the motors on."""
+    """It continued to its last press, with the motors on."""
     errors = []
 
     def run():
