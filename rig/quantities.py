@@ -17,6 +17,7 @@ DISPLAYED = {
     "rad": (math.degrees(1), "deg"),
 }
 """Factor and unit in which texts show a quantity, by its SI unit; others are shown in SI units."""
+RELATIVE = {"held_speed_error"}  # Dimensionless features of a press that texts show in per cent
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Quantity:
     @property
     def displayed(self) -> tuple[float, str]:
         """Factor from the SI unit to the unit that texts show, and that unit."""
-        return DISPLAYED.get(self.unit, (1.0, self.unit))
+        of_unit = DISPLAYED.get(self.unit, (1.0, self.unit))
+        return (1e2, "%") if self.name in RELATIVE else of_unit
 
     @property
     def title(self) -> str:

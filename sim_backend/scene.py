@@ -1,5 +1,7 @@
 """A scene: what the stand-in simulates, and with which step or accuracy."""
 
+import json
+import re
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -40,6 +42,24 @@ SIMULATED = ("key.", "jack.", "plectrum.", "string.", "more_choirs.", "arm.", "d
 """Where the keys of a rig begin that `[truth]` may give another value."""
 SENSED = {"delay": "0 s", "low_pass": "0 Hz", "low_pass_order": 0, "high_pass": "0 Hz"}
 """Keys of a channel that ideal sensors do not have, with their values."""
+UNUSED = (
+    *("key.front_arm", "key.neighbour_height", "key.modes", "plectrum.density", "string.name"),
+    *("arm.servo_stiffness", "arm.servo_damping", "arm.elbow", "arm.tilt_limit"),
+    *("arm.position_tolerance", "arm.approach_speed", "arm.speed_limit", "arm.acceleration_limit"),
+    *("arm.jerk_limit", "arm.mount_x", "arm.mount_z"),
+)
+"""Keys of an instrument and an arm on which no simulated part depends."""
+PARTS = {
+    "jack.tongue.": ("tongue", True),
+    "jack.damper.": ("damper", True),
+    "key.felt_": ("felt", True),
+    "key.pivot_": ("friction", True),
+    "jack.register_friction": ("friction", True),
+    "arm.fingertip_friction": ("friction", True),
+    "string.frequency": ("string", "modal"),
+    "string.inharmonicity": ("string", "modal"),
+}
+"""Settings of a scene that the keys with these beginnings need."""
 
 
 def _accuracy(text: str) -> str:
@@ -132,7 +152,7 @@ class Scene(Section):
     """Instead of the rig's."""
     truth: Annotated[dict[str, Any], BeforeValidator(_dotted)] = Field(default_factory=dict)
     """Where the simulated instrument differs from the rig: values by dotted key, such as
-    `"jack.mass" = "7 g"`."""
+    `"jack.mass" = "7 g"`. A value on which no simulated part depends is refused."""
     record_truth: bool = False
     """Whether a file with the true events is written beside every recording, for tests."""
 
@@ -312,7 +332,22 @@ class Scene(Section):
 
     def _truth_without_effect(self) -> Iterator[str]:
         for key in self.truth:
-            if key == "key.press_arm" and self.finger == "servo":
+            own = re.sub(r"^more_choirs\.\d+\.", "", key)  # of a further string, as of the first
+            part, needed = next(
+                (need for key, need in PARTS.items() if own.startswith(key)), ("", "")
+            )
+            if part and getattr(self, part) not in (needed, "auto"):
+                yield (
+                    f"{key}: it has no effect without {part} = {json.dumps(needed)} in the scene;"
+                    " set that, or remove the value"
+                )
+            elif own.startswith(UNUSED):
+                servo = "; the gains of its position loops are in the scene's table [servo]"
+                yield (
+                    f"{key}: no part of the stand-in depends on it; remove it"
+                    f"{servo if key.startswith('arm.servo_') else ''}"
+                )
+            elif key == "key.press_arm" and self.finger == "servo":
                 yield (
                     'key.press_arm: with finger = "servo" the fingertip is where the arm puts it,'
                     " so the value has no effect; change arm.base_x instead"

@@ -1,6 +1,7 @@
 """The plot of presses and their phases: signals, boundaries and their uncertainty."""
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -41,8 +42,8 @@ def shade_phases(axes: Axes, found: Phases, start: float, *, named: bool = False
         if begin > start:
             axes.axvline(begin, color=OTHER, lw=0.6, zorder=0.5)
         if named:
-            # Several strings make short phases, whose names are in turn on two lines.
-            place = ((begin + stop) / 2, 1.08 if len(every) > 3 and number % 2 else 1.01)
+            # Several strings make short phases, whose names are in turn on three lines.
+            place = ((begin + stop) / 2, 1.01 + 0.07 * (number % 3) * (len(every) > 3))
             axes.text(*place, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom")
 
 
@@ -70,6 +71,7 @@ def scale_to_pluck(axes: Axes, press: Press, found: Phases, highest: float = 0.0
 
 
 MOST = 8  # Maximum number of presses in one plot
+LABEL = 46  # Characters in a line of a legend
 
 
 def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
@@ -90,15 +92,20 @@ def phases_figure(presses: Sequence[Press], phases: Sequence[Phases]) -> Figure:
         )
     figure = Figure(figsize=(12, 1.2 + 3.2 * len(presses)), layout="constrained")
     grid = figure.subplots(len(presses), 2, squeeze=False, width_ratios=(2, 1))
+    folders, rigs = (
+        {press.path.parent for press in presses},
+        dict.fromkeys(p.rig.name for p in presses),
+    )
     for (complete, close), press, found in zip(grid, presses, phases, strict=True):
-        _complete(complete, press, found)
+        folder = f"{press.path.parent.name}/" * (len(folders) > 1)
+        _complete(complete, press, found, f"{folder}{press.path.name}")
         _close(close, press, found)
     kind = how_made(any(press.simulated for press in presses))
-    figure.suptitle(f"Rig {presses[0].rig.name}: phases, {kind}")
+    figure.suptitle(f"Rig {' and '.join(rigs)}: phases, {kind}")
     return figure
 
 
-def _complete(axes: Axes, press: Press, found: Phases) -> None:
+def _complete(axes: Axes, press: Press, found: Phases, shown: str) -> None:
     time = press.time * 1e3
     # Of the time from the start to the full rise.
     spare = 0.15 * max(found.bottom - found.start, 1e-3)
@@ -131,7 +138,7 @@ def _complete(axes: Axes, press: Press, found: Phases) -> None:
         if instant is not None and time[inside][0] <= instant * 1e3 <= time[inside][-1]:
             axes.axvline(instant * 1e3, color=OTHER, lw=0.8, ls=":", label=QUANTITIES[name].label)
     above = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 3, "frameon": False}
-    title = f"{press.path.name}{', simulated' * press.simulated}"
+    title = f"{shown}{', simulated' * press.simulated}"
     handles = axes.get_legend_handles_labels()
     speed.legend(*handles, fontsize=8, title=title, alignment="left", **above)
 
@@ -154,7 +161,7 @@ def _close(axes: Axes, press: Press, found: Phases) -> None:
     for start, stop, label, colour in stretches:
         margin = 0.25 * (stop - start)
         deflection, force = press.from_contact(start, start - margin, stop + margin)
-        axes.plot(deflection * 1e3, force, lw=0.7, color=colour, label=label)
+        axes.plot(deflection * 1e3, force, lw=0.7, color=colour, label=fill(label, LABEL))
     if len(stretches) > 1:
         axes.legend(fontsize=8)
     axes.axvline(0.0, color=CONTACT, lw=1)
@@ -163,6 +170,6 @@ def _close(axes: Axes, press: Press, found: Phases) -> None:
 
 def _boundary(axes: Axes, instant: float, std: float, colour: str, dashes: str, name: str) -> None:
     half = 1.96 * std  # 95 %
-    label = f"{name}: {instant * 1e3:.3f} ± {std * 1e3:#.2g} ms"
+    label = fill(f"{name}: {instant * 1e3:.3f} ± {std * 1e3:#.2g} ms", LABEL)
     axes.axvspan((instant - half) * 1e3, (instant + half) * 1e3, color=colour, alpha=0.25, lw=0)
     axes.axvline(instant * 1e3, color=colour, ls=dashes, lw=1.2, label=label)

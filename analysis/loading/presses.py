@@ -12,7 +12,8 @@ until the key reaches the front felt. A pause is then longer than this can last.
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,14 +137,35 @@ def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: 
     )
 
 
+def load_first(recorded: Recorded, load: Callable[[Recorded], Press]) -> Press:
+    """Return the first press of a recording, loaded by a function.
+
+    In minutes the integral of the velocity drifts by more than a key can move, and what was found
+    in all of the recording is of no press. It is then loaded up to the end of the first pause.
+    """
+    press = load(recorded)
+    path, key = press.samples.get("deflection", np.zeros(0)), press.rig.key
+    if path.max(initial=0.0) > 2 * key.dip * key.laser_arm / key.press_arm:  # no key goes so far
+        with suppress(AnalysisError):
+            first, *others = presses_of(recorded).presses
+            volts = {name: one[: first.stop] for name, one in recorded.volts.items()}
+            if others:
+                press = load(replace(recorded, volts=volts))
+                return _cut(press, len(press.time))
+    return first_press(press)
+
+
 def first_press(press: Press) -> Press:
     """Return a press, up to the lowest place of its key before it is pressed again.
 
     Of the force alone, it is the press up to the pause before the next one.
     """
     end = _end_by_force(press) if press.missing == "velocity" else _end_by_key(press)
-    if end is None:
-        return press
+    return press if end is None else _cut(press, end)
+
+
+def _cut(press: Press, end: int) -> Press:
+    """Return the press up to a row, with a warning that another one follows."""
     warning = (
         f"the key goes down again after {press.time[end - 1] * 1e3:.5g} ms: only the first press is"
         " analysed; `sautereau split` writes each press into a recording of its own"

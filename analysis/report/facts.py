@@ -5,6 +5,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.report.contents import Contents, PressRecord
 from sautereau.analysis.text import visible
 from sautereau.daq.file.provenance import software as software_here
@@ -73,8 +74,7 @@ def how_pressed(contents: Contents, warm_ups: int = 0) -> Facts:
         ("date", " to ".join(dict.fromkeys([*dates[:1], *dates[-1:]]))),
         ("press", press),
         ("key", _listed(document["key"], ("press_arm", "laser_arm", "jack_arm", "inertia"))),
-        ("plectrum", _listed(document["plectrum"], ("length", "width", "thickness", "overlap"))),
-        ("string", _listed(document["string"], ("frequency", "tension", "length", "diameter"))),
+        *_strings(rig, document),
         ("controller", _different(record.session.controller for record in presses)),
         ("motion", _moved(rig) if any(record.press.motion for record in presses) else ""),
         ("acquisition", _different(record.session.daq for record in presses)),
@@ -90,6 +90,18 @@ def how_pressed(contents: Contents, warm_ups: int = 0) -> Facts:
     if first.seed is not None:
         facts.append(("seed", _different(str(record.session.seed) for record in presses)))
     return [(name, value) for name, value in facts if value]
+
+
+def _strings(rig: Rig, document: Mapping[str, Any]) -> Facts:
+    """Return plectrum and string of every jack; of several strings with the string's name."""
+    found, names = [], string_names(rig)
+    for name, of in zip(names, [document, *document.get("more_choirs", ())], strict=True):
+        which = ("plectrum", "string") if len(names) == 1 else (f"plectrum of {name}", name)
+        arm = _listed(of, ("jack_arm",)) + ", " if "jack_arm" in of else ""
+        plectrum = _listed(of["plectrum"], ("length", "width", "thickness", "overlap"))
+        string = _listed(of["string"], ("frequency", "tension", "length", "diameter"))
+        found += zip(which, (arm + plectrum, string), strict=True)
+    return found
 
 
 def corrections(channel: Channel) -> str:

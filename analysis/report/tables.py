@@ -35,7 +35,7 @@ DIGITS = {
     "held_speed_mean": 5,
     "held_speed_min": 5,
     "held_speed_max": 5,
-    "held_speed_error": 4,
+    "held_speed_error": 2,
     "contact": 3,
     "release": 3,
     "pluck_duration": 3,

@@ -10,7 +10,7 @@ from sautereau.analysis.press.features import quantity_of, title_of
 from sautereau.analysis.results.result import Result, frame_of, json_of, plain, shown
 from sautereau.analysis.session.compare import ERRORS, Mean, listed_contributions
 from sautereau.analysis.session.compare import Comparison as Compared
-from sautereau.analysis.session.conditions import Condition, SessionAnalysis
+from sautereau.analysis.session.conditions import Condition, SessionAnalysis, shown_of
 from sautereau.analysis.session.difference import Difference, Pair
 from sautereau.analysis.session.pooled import PooledFeature
 from sautereau.analysis.session.repeatability import Repeatability, Spread, Trend
@@ -48,7 +48,9 @@ class Comparison(Result):
 
     def __repr__(self) -> str:
         conditions = counted(len(self.found.conditions), "condition")
-        return f"<Comparison of {counted(len(self.found.presses), 'press')}, {conditions}>"
+        others = [press for pair in self.pairs for press in pair.second.presses]
+        against = f" against {counted(len(others), 'press')}" * bool(others)
+        return f"<Comparison of {counted(len(self.found.presses), 'press')}{against}, {conditions}>"
 
     def lines(self, features: bool = True, remarks: bool = True) -> list[str]:
         """Return the comparison as text.
@@ -300,7 +302,10 @@ def pair_lines(found: Pair) -> list[str]:
     numbers = [counted(len(one.counted), "press") for one in (found.first, found.second)]
     strings = string_names(found.first.rig)
     rows = (_difference_cells(one, strings) for one in found.differences)
-    changed = "; ".join(f"{key}: {a} and {b}" for key, (a, b) in found.changed.items())
+    both = {
+        key: [shown_of(one, key) for one in (found.first, found.second)] for key in found.changed
+    }
+    changed = "; ".join(f"{key}: {a} and {b}" for key, (a, b) in both.items())
     lines = [
         *([f"{found.label}:"] if found.label else []),
         f"first ({numbers[0]}) minus second ({numbers[1]}); "

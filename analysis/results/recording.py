@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from sautereau.analysis.text import counted, rounded
 from sautereau.daq.file.recorded import UNCHECKED
 from sautereau.daq.file.survey import Description
+from sautereau.rig.units import readable_quantity
 
 _NO_VALUES = ("what", "unit", "rate", "type", "channels", "channel")
 """First words of the keys of a topic that are not names of its values."""
@@ -31,7 +32,7 @@ def recording_lines(found: Description) -> list[str]:
 def _facts(found: Description) -> Iterator[tuple[str, str]]:
     """Yield name and text of each fact that is known."""
     session = found["session"]
-    yield "file", f"{found['size'] / 1e3:.4g} kB, {'' if found['complete'] else 'in'}complete"
+    yield "file", f"{_short(found['size'], 'B')}, {'' if found['complete'] else 'in'}complete"
     if found["damage"]:
         yield "damage", found["damage"]
     if not found["checked"]:
@@ -54,18 +55,22 @@ def _facts(found: Description) -> Iterator[tuple[str, str]]:
         yield (
             "samples",
             f"{found['n_samples']} of each channel at {found['rate']:.9g} Hz,"
-            f" {found['duration'] * 1e3:.4g} ms; the first is {first * 1e3:.4g} ms after the"
+            f" {_short(found['duration'], 's')}; the first is {_short(first, 's')} after the"
             " trigger",
         )
         date = datetime.fromtimestamp(found["t0_ns"] * 1e-9, UTC).isoformat(timespec="milliseconds")
         std = found["t0_std"]
-        spread = "" if std is None else f", standard uncertainty {std * 1e3:.2g} ms"
+        spread = "" if std is None else f", standard uncertainty {_short(std, 's', 2)}"
         yield "trigger", f"{date} by the clock of the computer{spread}"
     for gap in found["missing"]:
         end = "an unknown end" if gap["stop"] is None else f"{gap['stop'] * 1e3:.6g} ms"
         yield "missing", f"{gap['channel']}, {gap['start'] * 1e3:.6g} ms to {end} after the trigger"
     yield "software", ", ".join(f"{name} {version}" for name, version in found["software"].items())
     yield "layout", f"{found['layout']} (for Foxglove)"
+
+
+def _short(value: float, unit: str, digits: int = 4) -> str:
+    return readable_quantity(float(f"{value:.{digits}g}"), unit)
 
 
 def _channels(topics: dict[str, dict[str, str]]) -> Iterator[str]:

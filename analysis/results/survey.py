@@ -191,8 +191,10 @@ class Survey(Result):
                 axes.plot(places, values / (1 + np.array([*own.deviations.values()])), color=colour)
                 for place, value, each in zip(places, values, with_it, strict=True):
                     if each.key in own.outliers:
-                        axes.annotate(each.key, (place, value), fontsize=8)
+                        beside = {"xytext": (6, 0), "textcoords": "offset points", "va": "center"}
+                        axes.annotate(each.key, (place, value), fontsize=8, **beside)
         for name, axes in panels.items():
+            axes.margins(y=0.1)
             axes.set_ylabel(QUANTITIES[name].title, fontsize=8)
             axes.grid(color=GRID, lw=0.7)
         panels[TOUCH[0]].legend(frameon=False, fontsize=8, ncols=4)

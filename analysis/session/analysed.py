@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from sautereau.analysis.loading.press import Press, partial_press_of, press_of
-from sautereau.analysis.loading.presses import first_press
+from sautereau.analysis.loading.presses import load_first
 from sautereau.analysis.model.predict import JackSpeed
 from sautereau.analysis.phases import HeldString, Phases, find_phases
 from sautereau.analysis.phases.one_signal import find_partial_phases
@@ -72,7 +72,7 @@ def analyse_recording(recorded: Recorded) -> AnalysedPress:
         MissingSignalError: It has no velocity or no force channel.
         AnalysisError: It is too short.
     """
-    press = first_press(press_of(recorded))
+    press = load_first(recorded, press_of)
     return _analysed(press, find_phases(press), recorded.session)
 
 
@@ -103,7 +103,7 @@ def analyse_partial(path: Path) -> AnalysedPress:
         AnalysisError: It has both signals or neither, or is too short.
     """
     recorded = read_recording(path)
-    press = first_press(partial_press_of(recorded))
+    press = load_first(recorded, partial_press_of)
     return _analysed(press, find_partial_phases(press), recorded.session)
 
 

@@ -109,8 +109,19 @@ class Condition(Generic[PressT]):
 
 def label_of(condition: Condition, keys: Iterable[str], *, values_only: bool = False) -> str:
     """Return values of a condition as text: `press.jack_speed = 0.06 m/s`, or without the key."""
-    values = {key: _shown(key, condition.values.get(key)) for key in keys}
+    values = {key: shown_of(condition, key) for key in keys}
     return ", ".join(f"{v}" if values_only else f"{key} = {v}" for key, v in values.items())
+
+
+def shown_of(condition: Condition, key: str) -> Any:
+    """Return a value of a condition as text; of a list that another one lacks whether it is given.
+
+    What is empty or missing is `none`.
+    """
+    values = condition.values
+    if values.get(key) in (None, "", []):
+        return "given" if any(one.startswith(f"{key}.") for one in values) else "none"
+    return _shown(key, values[key])
 
 
 def _shown(key: str, value: Any) -> Any:
@@ -411,6 +422,11 @@ def _omitted(presses: Sequence[AnalysedPress], reason: str) -> list[str]:
 
 
 def differing(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values that differ from others, by their keys; None for a missing one."""
+    """Return the values that differ from others, by their keys; None for a missing one.
+
+    A list that one of the two lacks is one difference, without its entries.
+    """
     keys = dict.fromkeys([*base, *values])
-    return {key: values.get(key) for key in keys if values.get(key) != base.get(key)}
+    found = {key: values.get(key) for key in keys if values.get(key) != base.get(key)}
+    lists = tuple(f"{key}." for key in found if [] in (base.get(key), values.get(key)))
+    return {key: value for key, value in found.items() if not key.startswith(lists)}

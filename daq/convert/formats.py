@@ -172,6 +172,6 @@ def refuse_rows(rows: int) -> None:
     """Refuse columns that are longer than `MOST_ROWS`, before they are read."""
     if rows > MOST_ROWS:
         raise RecordingError(
-            f"its columns have {rows} rows, more than the limit MOST_ROWS = {MOST_ROWS}; cut it"
-            " into single presses"
+            f"its columns have {rows} rows, more than the limit of {MOST_ROWS}; cut it into"
+            " shorter files, import each, and let `sautereau split` separate their presses"
         )

@@ -271,7 +271,7 @@ class Gap:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Stretch:
     """Consecutive samples of all channels of a recording."""
 
@@ -283,6 +283,10 @@ class Stretch:
     """Index of the first sample, counted from the trigger; negative before it."""
     volts: dict[str, Signal]
     """Raw volts of each channel by name, shape (n_samples,), V."""
+
+    def __repr__(self) -> str:
+        of = f"{self.n_samples} samples of {', '.join(self.volts)} at {self.rate:g} Hz"
+        return f"<{type(self).__name__}: {of}>"
 
     @property
     def n_samples(self) -> int:
@@ -296,7 +300,7 @@ class Stretch:
         return np.arange(first, first + self.n_samples, dtype=float) / self.rate
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recorded(Stretch):
     """One press as it was recorded."""
 

@@ -140,8 +140,9 @@ class Recording:
                 file.publish()
             except BaseException as fault:
                 file.abandon()
-                if file.kept and not (self.part_path.exists() or self._path.exists()):
-                    fault.add_note(self._removed)
+                if file.kept and not self._path.exists():
+                    there = f"the samples are in {self.part_path}, for `sautereau recover`"
+                    fault.add_note(there if self.part_path.exists() else self._removed)
                 raise
             return
         if not file.kept:

@@ -157,7 +157,7 @@ class Control:
     def __init__(self):
         self._running = threading.Event()
         self._running.set()
-        self._aborted = False
+        self._aborted = self._closed = False
         self._controller: MotionController | None = None
 
     @property
@@ -183,13 +183,23 @@ class Control:
         if (controller := self._controller) is not None:
             controller.request_abort()
 
+    def close(self) -> None:
+        """End the session, and let no other one start."""
+        self._closed = True
+        self.abort()
+
     def wait(self) -> None:
         """Wait while the session is paused.
 
         Raises:
-            RobotError: It was aborted.
+            RobotError: It was aborted or closed.
         """
         self._running.wait()
+        if self._closed:
+            raise RobotError(
+                "bench: its `with` block has ended, and with it every session; press inside the"
+                " block, or take another bench"
+            )
         self._check()
 
     @contextmanager

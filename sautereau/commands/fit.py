@@ -1,6 +1,7 @@
 """Find phases and oscillations of recordings, compare them with the model, and fit it to them."""
 
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,7 +55,10 @@ def phases(
     session, texts = Session(p for p, _ in read), [str(error) for _, error in faults]
     warnings = [(p.path, warning) for p, partial in read for warning in partial.warnings]
     remarks = ((p.path, remark) for p, partial in read for remark in partial.remarks)
-    lines = [HEADER, *(p.line for p in session)]
+    folders = {p.path.parent for p in session}
+    lines = [HEADER]
+    for folder, own in groupby(session, lambda p: p.path.parent):
+        lines += [*[f"{folder}:"] * (len(folders) > 1), *(p.line for p in own)]
     lines += [f"warning: {text}" for text in grouped(warnings, "press")]
     lines += remark_lines(remarks, output.verbose, "--verbose")
     result = {"files": [p.document for p in session], "faults": texts}

@@ -42,7 +42,7 @@ class Bench(Devices):
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self.control.abort()
+        self.control.close()
 
     def pause(self) -> None:
         """From another thread: finish the current press, go home and switch the motors off."""

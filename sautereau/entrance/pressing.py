@@ -1,5 +1,6 @@
 """A session of presses: from what was requested to the recordings."""
 
+import math
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -99,7 +100,6 @@ class Pressing:
         self._out, self.bench = Path(out), bench
         nominal = bench.rig.values
         rows = rows_of(what, nominal, settings.notes, self._out)
-        rest = settings.rest
         files = settings.learned, settings.feed_forward
         self.planner = Planner(*(Path(path) if path else None for path in files))
         self._steps = plan_of(what) if rows is None else of_rows(rows)
@@ -107,7 +107,7 @@ class Pressing:
             nominal,
             rows,
             settings.warm_up,
-            parse_quantity(rest, "s") if isinstance(rest, str) else rest,
+            _rest(settings.rest),
             bench.scene_text,
             self.planner.files,
         )
@@ -235,6 +235,17 @@ class Pressing:
                 f"session {self._out}: it needs an operator: {what}; then run the same command"
                 " or plan again to continue"
             )
+
+
+def _rest(value: str | float) -> float:
+    """Return the time between presses [s]."""
+    try:
+        rest = parse_quantity(value, "s") if isinstance(value, str) else float(value)
+    except (TypeError, ValueError) as error:
+        raise RobotError(f'rest: {error}; give a text such as "2 s", or seconds') from error
+    if not 0 <= rest < math.inf:
+        raise RobotError(f"rest: {value!r} is no time between presses; give 0 s or more")
+    return rest
 
 
 def rows_of(what: Any, rig: schema.Rig, notes: str, out: Path) -> tuple[Row, ...] | None:

@@ -169,8 +169,8 @@ class Session(Shown, Sequence[PressFile]):
 
     def identify(
         self,
-        names: Sequence[str],
-        priors: Sequence[str] = (),
+        names: Sequence[str] | str,
+        priors: Sequence[str] | str = (),
         *,
         level: str = "auto",
         starts: int = 3,
@@ -179,7 +179,7 @@ class Session(Shown, Sequence[PressFile]):
         """Fit unknown values of the rig to the presses, except warm-up presses.
 
         Args:
-            names: Parameters to fit: `["plectrum.overlap", "key.inertia"]`.
+            names: Parameters to fit: `["plectrum.overlap", "key.inertia"]`, or a text with commas.
             priors: Prior knowledge: `"key.inertia=7e-4 kg m^2 +- 1e-4 kg m^2"`, or bounds:
                 `"plectrum.overlap=0.1 mm to 0.5 mm"`.
             level: Plectrum model.
@@ -193,8 +193,8 @@ class Session(Shown, Sequence[PressFile]):
         """
         own = [p for p in self if p.press and not p.info.warm_up]
         presses, phases = [p.press for p in own], [p.phases for p in own]
-        known = dict(read_prior(text) for text in priors)
-        made = fit_presses(presses, phases, names, known, level, starts, robust)
+        known = dict(read_prior(text) for text in _listed(priors))
+        made = fit_presses(presses, phases, _listed(names), known, level, starts, robust)
         simulated = any(press.simulated for press in presses)
         values = what_is_alike([p.analysed for p in own])
         keys = {key.partition(".")[0] for other in values for key in differing(values[0], other)}
@@ -202,18 +202,21 @@ class Session(Shown, Sequence[PressFile]):
         warned = tuple(bool(p.analysed.warnings) for p in own)
         return Fit(presses[0].rig, simulated, mixed, made, evaluate(made), warned=warned)
 
-    def effects(self, names: Sequence[str] = DEFAULT, *, interaction: bool = False) -> Effects:
+    def effects(
+        self, names: Sequence[str] | str = DEFAULT, *, interaction: bool = False
+    ) -> Effects:
         """Estimate the effects of the factors in which the presses differ, by a mixed model.
 
         Args:
-            names: Features of a press; those of string 2 end in `_2`.
+            names: Features of a press, or a text with commas; those of string 2 end in `_2`.
             interaction: Whether to estimate the interactions of every two factors.
 
         Raises:
             AnalysisError: A name is unknown, the presses do not differ, or effects cannot be
                 separated.
         """
-        return effects_of([press.analysed for press in self], names, interaction=interaction)
+        presses = [press.analysed for press in self]
+        return effects_of(presses, _listed(names), interaction=interaction)
 
     def report(self, out: str | Path | None = None, *, level: str = "auto") -> "Report":
         """Write one HTML page about the presses, which replaces an earlier one.
@@ -282,6 +285,11 @@ class Session(Shown, Sequence[PressFile]):
         from sautereau.analysis.figures.phases import phases_figure
 
         return shown(phases_figure([p.press for p in self], [p.phases for p in self]))
+
+
+def _listed(names: Sequence[str] | str) -> Sequence[str]:
+    """Return names as a list, also those of one text, as on the command line."""
+    return [name.strip() for name in names.split(",")] if isinstance(names, str) else names
 
 
 def _analysed(path: Path) -> AnalysedPress | None:

@@ -1,6 +1,7 @@
 """The pictures of a comparison and of phases, and that what was simulated says so on them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.figures.comparison import comparison_figure
 from sautereau.analysis.figures.phases import phases_figure
 from sautereau.analysis.phases import find_phases
+from sautereau.rig.load import with_values
 from tests.plots import texts
 
 
@@ -70,6 +72,17 @@ def test_presses_with_and_without_a_pluck_go_into_a_file(make_press, tmp_path):
     path = tmp_path / "phases.png"
     phases_figure(presses, [find_phases(press) for press in presses]).savefig(path)
     assert path.stat().st_size > 10_000
+
+
+def test_presses_of_two_folders_and_rigs_have_names_of_their_own(make_press):
+    rigs = [with_values(make_press().rig, {"name": name}) for name in ("a4", "c4")]
+    presses = [
+        replace(make_press(), path=Path(rig.name) / "press-0001.mcap", rig=rig) for rig in rigs
+    ]
+    figure = phases_figure(presses, [find_phases(press) for press in presses])
+    assert figure.get_suptitle().startswith("Rig a4 and c4")
+    titles = [a.get_legend().get_title().get_text() for a in figure.axes[4:]]
+    assert [title.partition(",")[0] for title in titles] == [str(p.path) for p in presses]
 
 
 def test_phases_of_no_press_and_of_too_many_are_refused(make_press):

@@ -11,6 +11,7 @@ from sautereau.analysis.phases import HeldString, Phases
 from sautereau.analysis.press.features import OF_SPEED, held_speeds
 from sautereau.analysis.results.press import held_speed
 from sautereau.daq.file.recorded import Event
+from sautereau.rig.quantities import QUANTITIES
 from sautereau.trajectory.timing import press_law
 
 START = 2e-3  # s, of the motion
@@ -50,6 +51,7 @@ def test_an_oscillating_jack_has_its_rms(paper, lost):
     found = held_speeds(press, holding((0.04, 0.06), (0.06, 0.1)))
     averaged = lost * np.sinc(1 / 20)
     assert found["held_speed_error"] == pytest.approx(averaged / np.sqrt(2), rel=1e-3)
+    assert QUANTITIES["held_speed_error"].displayed == (100, "%")
     assert found["held_speed_mean"] == pytest.approx(0.072, rel=1e-3)
     # The extremes lie within half an average of 1 ms of the middle of one.
     beside = 0.072 * averaged * (1 - np.cos(np.pi / 20))

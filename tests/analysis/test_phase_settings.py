@@ -42,7 +42,7 @@ def corpus() -> list[Press]:
         UNEXPECTED[name][0](stiff)
         for name in ("force twice", "three times the force", "velocity half")
     ]
-    late = of_channel(stiff, "force", delay_error=0.75e-3)
+    late = of_channel(stiff, "force", delay_error=0.4e-3)
     presses = [judged_press(independent(each, 7)) for each in (*alone, *together)]
     for base, seed in ((stiff, 0), (bends, 2)):  # two strings on a rig of one
         more = independent(with_strings(base, {}, second(base, 20e-3)), seed)

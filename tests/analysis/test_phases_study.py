@@ -79,8 +79,10 @@ def test_the_force_drop_of_a_push_is_as_certain_as_the_inertia(seeds):
     away = []
     for seed in seeds:
         rig, other = random_case(seed)
+        dry = ("key.pivot_coulomb_friction", "jack.register_friction")  # which it has not
+        values = {key: value for key, value in other.truth.items() if key not in dry}
         scene = load_scene("pluck").model_copy(
-            update={"truth": other.truth, "sensors": other.sensors, "engine": "exact"}
+            update={"truth": values, "sensors": other.sensors, "engine": "exact"}
         )
         push = {"force": f"{0.8 + 0.7 * seed / len(seeds)} N", "duration": "25 ms"}
         scene = scene.model_copy(update={"push": Push.model_validate(push)})

@@ -36,6 +36,7 @@ def page_of(paths):
         moves=json.loads(data or "{}"),
         section=section,
         size=len(section) + len(data),
+        named=re.findall("<dt>(.*?)</dt>", text),
     )
 
 
@@ -147,6 +148,10 @@ def test_every_choir_is_shown(more, write_session, tmp_path):
     assert f"All {1 + more} strings are shown, 1 of them plucked" in page.section
     assert "string 2 from nut to bridge, at rest: no pluck was found" in page.section
     assert page.size < 2 * MOST_DATA
+    strings = [f"string {number}" for number in range(1, 2 + more)]
+    assert [name for name in page.named if "string" in name] == [
+        each for name in strings for each in (f"plectrum of {name}", name)
+    ]
 
 
 def test_a_pluck_at_the_recordings_end_is_shown_to_the_end(make_press):

@@ -18,6 +18,8 @@ from sautereau.analysis.session.analysed import analyse_file
 from sautereau.analysis.session.conditions import analyse
 from sautereau.analysis.session.difference import difference, side_by_side
 from sautereau.analysis.session.pooled import pooled_features
+from sautereau.analysis.text import WIDTH, wrapped
+from sautereau.rig.instrument import Choir
 from sautereau.rig.load import with_values
 from sautereau.sim_backend.scene import load_scene
 
@@ -283,11 +285,29 @@ def test_conditions_of_two_sets_are_paired_by_what_varies(four):
     (pair,) = side_by_side(analyse(presses), analyse(on_rig(presses, with_values(rig, thick))))
     assert set(pair.changed) == {"plectrum.thickness"}
     assert all(one.value == 0 for one in pair.differences)
-    assert "plectrum.thickness: 0.00048 m and 0.0005 m" in pair_lines(pair)[0]
+    assert "plectrum.thickness: 480 µm and 500 µm" in pair_lines(pair)[0]
+
+
+def test_a_string_that_another_set_lacks_is_one_difference(four):
+    """Each of its 30 values was one, `None` in the other set, and an empty name was no word."""
+    _, presses = four
+    rig = presses[0].press.rig
+    second = Choir(jack_arm="235 mm", jack=rig.jack, plectrum=rig.plectrum, string=rig.string)
+    named = with_values(rig, {"string.name": "8' back"})
+    double = named.model_copy(update={"more_choirs": (second,)})
+    (pair,) = side_by_side(analyse(presses), analyse(on_rig(presses, double)))
+    assert set(pair.changed) == {"string.name", "more_choirs"}
+    line = pair_lines(pair)[0]
+    assert "string.name: none and 8' back; more_choirs: none and given" in line
+    assert max(map(len, wrapped(line).splitlines())) <= WIDTH
+    both = analyse([*presses, *on_rig(presses, double)])
+    assert both.label(both.conditions[1]) == "string.name = 8' back, more_choirs = given"
 
 
 def test_sessions_open_from_folders_patterns_lists_and_tables(four, tmp_path):
     folder, _ = four
+    both = st.open(folder).compare(folder)
+    assert repr(both) == "<Comparison of 4 presses against 4 presses, 1 condition>"
     run_campaign(folder, tmp_path / "table.parquet")
     for what in (folder, f"{folder}/*.mcap", sorted(folder.glob("*.mcap")), [folder]):
         assert [press.path.name for press in st.open(what)][:1] == ["press-0001.mcap"]

@@ -310,6 +310,18 @@ def test_several_presses_in_the_force_alone_are_said(one, record):
     assert not any("goes down" in w for w in analyse_partial(single).warnings)
 
 
+def test_a_long_recording_is_that_of_its_first_press(paper, one, record):
+    """An offset that wanders by 0.4 mm/s moves the key by 20 mm in a minute."""
+    direct = with_values(paper, {"daq.channels.0.high_pass": "0 Hz"})
+    signals, (start, *_) = joined([one] * 3, [0.5, 30.0, 30.0, 0.5])
+    signals[0] += 0.2e-3 * (1 - np.cos(np.linspace(0, 2 * np.pi, signals.shape[1])))
+    found = analyse_file(record(signals, rig=direct))
+    assert any("`sautereau split`" in warning for warning in found.warnings)
+    (held,) = found.phases.plucks
+    assert held.release == pytest.approx(start / RATE + RELEASE, abs=3 * held.release_std)
+    assert found.press.samples["jack_rise"].max() < 11e-3
+
+
 def test_joined_recordings_of_the_stand_in_are_separated(record, tmp_path):
     """With its plucks, its ringing and its motion; each release is where it was before."""
     presses = [load_press(path) for path in sorted(SESSIONS.glob("*.mcap"))[:2]]

@@ -2,6 +2,7 @@
 
 import json
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import sautereau as st
+from sautereau.analysis.errors import AnalysisError
 from sautereau.daq.file.reading import read_recording
 from sautereau.rig.errors import RigError, SautereauError
 from sautereau.robot.errors import RobotError
@@ -208,6 +210,32 @@ def test_pause_resume_and_abort_from_another_thread(quick, tmp_path):
     assert "aborted by the operator" in errors[0]
     with quick as bench:
         assert len(bench.press(3, out=tmp_path)) == 3
+    for call in (bench.press, bench.learn):
+        with pytest.raises(RobotError, match="bench: its `with` block has ended"):
+            call(4, out=tmp_path / "after")
+
+
+@pytest.mark.slow
+def test_an_abort_from_another_thread_ends_learning(quick, tmp_path):
+    """It continued to its last press, with the motors on."""
+    errors = []
+
+    def run():
+        try:
+            quick.learn(20, out=tmp_path)
+        except RobotError as error:
+            errors.append(str(error))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("*.mcap")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    quick.abort()
+    thread.join(60)
+    assert errors
+    assert "aborted by the operator" in errors[0]
+    assert len(list(tmp_path.glob("press-*.mcap"))) < 20
 
 
 def test_a_plan_that_needs_an_operator_says_so(quick, rig_file, tmp_path):
@@ -217,6 +245,21 @@ def test_a_plan_that_needs_an_operator_says_so(quick, rig_file, tmp_path):
         hardware.press(lambda: st.ask("Look at the jack"), out=tmp_path)
     with pytest.raises(RobotError, match="is no plan"):
         quick.press([1, 2], out=tmp_path)
+
+
+@pytest.mark.parametrize("rest", ["2", "2 m", -1.0, float("nan"), None])
+def test_a_wrong_time_between_presses_is_named(quick, tmp_path, rest):
+    with pytest.raises(RobotError, match=r"^rest: "):
+        quick.press(2, out=tmp_path, rest=rest)
+
+
+def test_names_may_be_one_text():
+    """It was read letter by letter."""
+    session = st.open(Path(__file__).parents[1] / "data/written_by_0.1/session")
+    with pytest.raises(
+        AnalysisError, match=r"plectrum\.overlapp: no parameter.*plectrum\.overlap'"
+    ):
+        session.identify("key.inertia, plectrum.overlapp")
 
 
 @pytest.mark.slow

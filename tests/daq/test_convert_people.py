@@ -203,7 +203,7 @@ def test_limits_have_names(tmp_path, monkeypatch, bring):
     given = {"column": {"velocity": "v"}, "unit": {"velocity": "V"}, "rate": "1 kHz"}
     write_arrays(tmp_path / "a.npz", {"v": SPEED})
     for content, name in ((table("v\n", "{v}"), "table.csv"), (None, "a.npz")):
-        with pytest.raises(RecordingError, match="more than the limit MOST_ROWS = 10"):
+        with pytest.raises(RecordingError, match="more than the limit of 10;"):
             bring(content, name, **given)
     monkeypatch.setattr("sautereau.daq.convert.from_arrays.MOST_VALUES", 10)
     with pytest.raises(RecordingError, match="MOST_VALUES = 10"):

@@ -18,6 +18,7 @@ from sautereau.daq.errors import RecordingError
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Joints
 from sautereau.daq.file.recording import Block, Recording, SessionInfo
+from sautereau.daq.file.recovery import recover
 from sautereau.daq.file.samples import Scaling
 from sautereau.daq.file.survey import describe
 from sautereau.rig.load import load_rig
@@ -49,6 +50,24 @@ def test_any_bits_in_blocks_of_any_length_come_back(bits):
         assert np.array_equal(found[channel.name].view(np.uint64), row)
 
 
+def test_an_interrupt_while_a_recording_is_closed_names_its_file(tmp_path, monkeypatch):
+    """The file was left without a word, as that of an earlier session."""
+    path = tmp_path / "press.mcap"
+
+    def interrupted(recording, file):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Recording, "_close", interrupted)
+    with (
+        pytest.raises(KeyboardInterrupt) as caught,
+        Recording(path, PAPER, session=SESSION, t0_ns=T0) as recording,
+    ):
+        recording.write_block(Block(0, np.zeros((2, 100_000))))
+    (note,) = caught.value.__notes__
+    assert f"{path}.part" in note
+    assert recover(tmp_path / "press.mcap.part", path).samples["force"] > 50_000
+
+
 def test_everything_beside_the_samples_comes_back(complete_recording, paper, session):
     t = np.linspace(0, 0.14, 30)
     found = read_recording(complete_recording)
@@ -56,6 +75,7 @@ def test_everything_beside_the_samples_comes_back(complete_recording, paper, ses
     assert found.rig.sources == paper.sources
     assert found.session == session
     assert found.simulated is True
+    assert repr(found) == f"<Recorded: {found.n_samples} samples of velocity, force at 51203.3 Hz>"
     assert found.complete is True
     assert found.rate == 51_203.277
     assert found.n_samples == 5000

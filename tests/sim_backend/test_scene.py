@@ -183,6 +183,32 @@ def test_truth_without_an_effect_is_refused(rig):
     assert ideal.true_rig(rig).key.press_arm == pytest.approx(0.165)
 
 
+@pytest.mark.parametrize(
+    ("scene", "key", "value", "named"),
+    [
+        ("paper", "arm.servo_stiffness", ["10 N m/rad", "5 N m/rad"], r"table \[servo\]"),
+        ("paper", "key.neighbour_height", "25 mm", "no part of the stand-in"),
+        ("paper", "jack.damper.lift", "1.2 mm", "damper = true"),
+        ("two-choirs", "more_choirs.0.string.frequency", "400 Hz", 'string = "modal"'),
+        ("paper", "string.frequency", "400 Hz", 'string = "modal"'),
+        ("pluck", "key.pivot_coulomb_friction", "1 mN m", "friction = true"),
+    ],
+)
+def test_truth_of_what_is_not_simulated_is_refused(scene, key, value, named):
+    """The bench would be that of the rig, and its user would take it for another one."""
+    told = load_scene(scene).model_copy(update={"truth": {key: value}})
+    with pytest.raises(SceneError, match=rf"\[truth\].*{key}: .*{named}"):
+        told.true_rig(load_rig())
+
+
+def test_truth_of_what_is_simulated_is_kept(rig):
+    """The same keys, in scenes that have the part."""
+    truth = {"jack.damper.lift": "1.2 mm", "jack.tongue.pivot": "9 mm"}
+    assert load_scene("return").model_copy(update={"truth": truth}).true_rig(rig) != rig
+    modal = {"truth": {"string.frequency": "400 Hz"}, "string": "modal"}
+    assert load_scene("paper").model_copy(update=modal).true_rig(rig).string.frequency == 400
+
+
 def test_without_sensors_the_calibrations_are_those_of_ideal_ones(rig):
     rig = with_values(rig, {"daq.channels.1.low_pass_order": 2})
     ideal = load_scene("ideal").as_wired(rig).daq.channels
