@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -157,7 +158,7 @@ class Learning:
         with only_session(self._out, bench.real):
             folder = SessionFolder(self._out, self._continued, bench.seed, fresh, current_scene)
             left = made.presses_on(self._nominal)
-            items = [next(left, None)]
+            following = [*islice(left, 1)]
 
             @contextmanager
             def devices(rig: schema.Rig, seed: int | None) -> Iterator[Connected]:
@@ -166,17 +167,17 @@ class Learning:
                     yield bench
 
             def learn(path: Path) -> None:
-                if (item := items[-1]) and not run.fault:
-                    made.update(item, path)
+                if following and not run.fault:
+                    made.update(following[0], path)
                     on_press(path, made.errors[-1])
-                    items.append(next(left, None))
+                    following[:] = islice(left, 1)
 
             crew = Crew(
-                lambda row: (items[-1].trajectory, items[-1].torques),
+                lambda row: (following[0].trajectory, following[0].torques),
                 devices,
                 examine=lambda path, first: self._open(path).health(first and self._open(first)),
                 opened=learn,
-                goes_on=lambda: items[-1] is not None,
+                goes_on=lambda: bool(following),
             )
             run = PlanRun(folder, of_rows(self._plan.rows or ()), crew, bench.control)
             run.run()
