@@ -21,6 +21,7 @@ from sautereau.analysis.identify.fit import (
 )
 from sautereau.analysis.identify.fixed import ScoreTest, derivative
 from sautereau.analysis.identify.observed import Observed, too_short
+from sautereau.analysis.identify.problem import ROUGH
 from sautereau.analysis.identify.quality import quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
@@ -68,6 +69,9 @@ def fit_presses(
         dynamics = _with_mode(best)
         if dynamics is None:
             break
+        fitted = fit(dynamics, 1, robust, free_offset=best.free_offset, tolerance=ROUGH)
+        # Beside the residuals of its start, which are larger, the priors weigh more.
+        dynamics = _from(dynamics, fitted.values)
         fitted = fit(dynamics, 1, robust, free_offset=best.free_offset)
         found = quality(fitted)
         if found.free_residual > LEAST_GAIN * good.free_residual or elastic.close_modes(
@@ -108,12 +112,18 @@ def _named(fitted: Fit) -> dict[str, float]:
     return dict(zip((p.name for p in free), fitted.values.tolist(), strict=True))
 
 
+def _from(dynamics: InverseDynamics, values: Floats) -> InverseDynamics:
+    """Return the dynamics whose fit starts at these values [SI]."""
+    pairs = zip(dynamics.free, values.tolist(), strict=True)
+    return dynamics.with_free([replace(p, start=value) for p, value in pairs])
+
+
 def _with_mode(fitted: Fit) -> InverseDynamics | None:
     """Return the dynamics with the mode that reduces the residuals most; None if none does."""
     dynamics, number = fitted.problem.dynamics, len(elastic.modes_of(_named(fitted)))
     # The fit of a rigid key may be far off: search the first mode at the values of the rig.
     values = fitted.values if number else np.array([p.start for p in dynamics.free])
-    free = [replace(p, start=float(v)) for p, v in zip(dynamics.free, values, strict=True)]
+    free = [*_from(dynamics, values).free]
     for k, p in enumerate(free):
         # Unless it has a prior, near the rig's value.
         if (
@@ -182,8 +192,7 @@ def before_release(presses: Sequence[Observed]) -> tuple[list[Observed], list[st
         int(np.searchsorted(p.time, p.releases[0])) if len(p.releases) else len(p.time)
         for p in presses
     ]
-    # Presses of one length keep the same length.
-    cut = [p.until(max(ends), end) for p, end in zip(presses, ends, strict=True)]
+    cut = [p.until(end) for p, end in zip(presses, ends, strict=True)]
     faults = [too_short(p.name, p.used, " before its first release") for p in cut]
     usable = [press for press, fault in zip(cut, faults, strict=True) if not fault]
     return usable, [f"{fault}; on a compliant key, press more slowly" for fault in faults if fault]

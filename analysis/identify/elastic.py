@@ -23,7 +23,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sautereau.analysis.identify.observed import SUBSTEPS, WINDOW, Observed
+from sautereau.analysis.identify.observed import WINDOW, Observed, Stacked
 from sautereau.analysis.identify.parameters import INERTIA, MODE, Parameter
 from sautereau.analysis.model.pluck.pluck import Pluck
 from sautereau.analysis.model.string.string import ModalString
@@ -44,7 +44,6 @@ LARGEST_STEP = 0.45 * np.pi  # Largest w T / 2 of a step T with an exact frequen
 LEAST_PERIODS = 4.0  # Smallest number of periods of a mode in a press
 CLOSE = 1.15  # Ratio of two frequencies below which the modes are too close to be separated
 MOST = 3  # Largest number of modes
-NEAR_BOUND = 1.02  # Ratio of an inertia to a bound up to which it counts as being at the bound
 BAND = 2.0  # Highest frequency that passes the smoothing, times the width of the window
 POINTS = 400  # Number of frequencies up to it at which the noise gain is computed
 
@@ -121,7 +120,7 @@ def noise_gain(modes: Sequence[Mode], record: float) -> float:
     gain = np.ones(len(turn), complex)
     for mode in modes:
         own = 2 * np.pi * mode.frequency
-        damping = max(mode.damping, 1 / (own * record))
+        damping = np.hypot(mode.damping, 1 / (own * record))
         gain -= mode.weight * turn**2 / (own**2 - turn**2 + 2j * damping * own * turn)
     return float(np.sqrt(np.abs(gain) ** 2 @ smoothing / smoothing.sum()))
 
@@ -150,7 +149,7 @@ def doubtful_modes(
         f"{INERTIA}: the fit reached a bound at {named[INERTIA]:.4g} kg m^2, so that the modes"
         " imitate it: give its range by a prior, or press more slowly"
         for p in free
-        if p.name == INERTIA and min(named[INERTIA] / p.low, p.high / named[INERTIA]) < NEAR_BOUND
+        if p.name == INERTIA and p.at_bound(named[INERTIA])
     ]
     if shortest * lowest < LEAST_PERIODS:
         reasons.append(
@@ -166,7 +165,7 @@ def doubtful_modes(
 
 
 class Bending:
-    """The response of the modes in one press.
+    """The response of the modes in presses.
 
     Args:
         lag: s, delay of the force after the motion.
@@ -178,18 +177,18 @@ class Bending:
     def __init__(
         self,
         modes: Sequence[Mode],
-        press: Observed,
+        presses: Stacked,
         lag: float,
         gain: float,
         arm: float,
         inertia: float,
     ):
-        self.modes, self._step = modes, press.step / SUBSTEPS
+        self.modes, self._step = modes, presses.step
         self._stiffnesses = [inertia * (2 * np.pi * mode.frequency) ** 2 for mode in modes]
         self._by_finger = [
             np.tensordot(
                 [arm * gain, arm * mode.cosine, arm * mode.sine],
-                _driven(press, mode.frequency, mode.damping, lag),
+                _driven(presses, mode.frequency, mode.damping, lag),
                 1,
             )
             for mode in modes
@@ -199,13 +198,14 @@ class Bending:
         """Return what the modes add to the measured angle and to the rise of a jack.
 
         Args:
-            strings: N m, moment of the strings about the pin at `substep_time`; shape (n,).
+            strings: N m, moment of the strings about the pin at `substep_time`; shape
+                (presses, n).
 
         Returns:
-            The angle [rad] with its first two derivatives, shape (3, n); and the rise of a jack
-            divided by its lever arm [rad], shape (n,).
+            The angle [rad] with its first two derivatives, shape (3, presses, n); and the rise of
+            a jack divided by its lever arm [rad], shape (presses, n).
         """
-        angle, rise = np.zeros((3, len(strings))), np.zeros(len(strings))
+        angle, rise = np.zeros((3, *strings.shape)), np.zeros(strings.shape)
         every = zip(self.modes, self._stiffnesses, self._by_finger, strict=True)
         for mode, stiffness, finger in every:
             by_strings = oscillation(strings, mode.frequency, mode.damping, self._step)
@@ -215,8 +215,8 @@ class Bending:
         return angle, rise
 
 
-@lru_cache(maxsize=128)
-def _driven(press: Observed, frequency: float, damping: float, lag: float) -> Floats:
+@lru_cache(maxsize=8)
+def _driven(presses: Stacked, frequency: float, damping: float, lag: float) -> Floats:
     """Return the response of a mode to the measured force, and its free ringing.
 
     Args:
@@ -226,12 +226,12 @@ def _driven(press: Observed, frequency: float, damping: float, lag: float) -> Fl
     Returns:
         N, at `substep_time`: the response to the force; a cosine ringing of 1 N that starts when
         the key leaves the rail; the corresponding sine ringing. Each comes with its first two
-        derivatives; shape (3, 3, n).
+        derivatives; shape (3, 3, presses, n).
     """
-    turn, time = 2 * np.pi * frequency, np.maximum(press.substep_time - press.lift_off, 0.0)
+    turn, time = 2 * np.pi * frequency, np.maximum(presses.substep_time - presses.lift_off, 0.0)
     p = turn * complex(-damping, np.sqrt(1 - damping**2))
-    ringing = np.outer([1.0, p, p * p], np.exp(p * time) * (time > 0))
-    pushed = oscillation(press.substep_force(lag), frequency, damping, press.step / SUBSTEPS)
+    ringing = np.multiply.outer([1.0, p, p * p], np.exp(p * time) * (time > 0))
+    pushed = oscillation(presses.substep_force(lag), frequency, damping, presses.step)
     return np.stack([pushed, np.real(ringing), np.imag(ringing)])
 
 
@@ -242,12 +242,13 @@ def oscillation(push: Floats, frequency: float, damping: float, step: float) -> 
     the oscillator.
 
     Args:
-        push: Force in any unit, shape (n,).
+        push: Force in any unit, shape (..., n).
         frequency: Hz.
         step: s, time between values.
 
     Returns:
-        The response in the unit of the force: 1 for a static force of 1; shape (3, n).
+        The response in the unit of the force: 1 for a static force of 1; shape
+        (3, ..., n).
     """
     from scipy.signal import lfilter
 
@@ -255,9 +256,9 @@ def oscillation(push: Floats, frequency: float, damping: float, step: float) -> 
     c = turn / np.tan(min(turn * step / 2, LARGEST_STEP))
     poles = [c * c + 2 * damping * turn * c + turn**2, 2 * (turn**2 - c * c)]
     poles.append(poles[0] - 4 * damping * turn * c)
-    state = np.zeros(len(push) + 2)
-    state[2:] = lfilter([turn**2], poles, push)
-    now, before, earlier = state[2:], state[1:-1], state[:-2]
+    state = np.zeros((*push.shape[:-1], push.shape[-1] + 2))
+    state[..., 2:] = lfilter([turn**2], poles, push)
+    now, before, earlier = state[..., 2:], state[..., 1:-1], state[..., :-2]
     both = now + earlier
     return np.stack([both + 2 * before, c * (now - earlier), c * c * (both - 2 * before)])
 
@@ -299,25 +300,26 @@ class HeldString:
         """Return the downward force [N] on a jack.
 
         Args:
-            height: m, of the jack above first contact, shape (n,).
+            height: m, of the jack above first contact, shape (..., n).
             behind: m, `behind`.
         """
         return self.pluck.force_on_jack(np.minimum(height + behind, self.pluck.release_height))
 
     def behind(self, height: Floats, step: float) -> Floats:
-        """Return how far the string is behind its static displacement [m], shape (n,).
+        """Return how far the string is behind its static displacement [m], shape (..., n).
 
         Args:
-            height: m, of the jack above first contact, shape (n,).
+            height: m, of the jack above first contact, shape (..., n).
             step: s, time between values.
         """
         found, push = np.zeros_like(height), self.slope * np.maximum(height, 0.0)
         if self.vibration and push.any():
-            first = int(np.argmax(push > 0))
-            count = len(push) - first
+            first = int(np.argmax(push.reshape(-1, push.shape[-1]).any(axis=0)))
+            count = push.shape[-1] - first
             size = 1 << count.bit_length()
             own = _response(self.string, self.slope, step, size)  # pyright: ignore
-            found[first:] = np.convolve(push[first:], own[:count])[:count]
+            spectrum = np.fft.rfft(push[..., first:], 2 * size) * own
+            found[..., first:] = np.fft.irfft(spectrum)[..., :count]
         return self.vibration * found
 
 
@@ -334,7 +336,7 @@ def _response(string: String, slope: float, step: float, count: int) -> Floats:
         count: Number of steps.
 
     Returns:
-        m, shape (count,).
+        m, its transform with as many zeros behind it; shape (count + 1,).
     """
     # The smoothing removes vibrations faster than 1.5 kHz.
     modal = ModalString(string, max(1, round(1500.0 / string.frequency)))
@@ -348,4 +350,4 @@ def _response(string: String, slope: float, step: float, count: int) -> Floats:
     modes[:, 0] = (1 - np.cos(turn)) / 2
     found = -(own / free) @ modes
     found[0] += flexibility
-    return found / free
+    return np.fft.rfft(found / free, 2 * count)

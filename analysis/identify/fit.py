@@ -117,7 +117,12 @@ def inverse_dynamics(
 
 
 def fit(
-    dynamics: InverseDynamics, starts: int = 3, robust: bool = False, *, free_offset: bool = False
+    dynamics: InverseDynamics,
+    starts: int = 3,
+    robust: bool = False,
+    *,
+    free_offset: bool = False,
+    tolerance: float = COARSE,
 ) -> Fit:
     """Fit the parameters under the assumption that the residuals are independent.
 
@@ -125,6 +130,7 @@ def fit(
         starts: Number of starting points.
         robust: Weight large residuals linearly instead of quadratically.
         free_offset: Fit the zero of each force even if the force is not AC-coupled.
+        tolerance: As of `minimise`.
 
     Raises:
         AnalysisError: `starts` is less than 1.
@@ -141,7 +147,7 @@ def fit(
     # The rig's values, and points that are spread between the bounds.
     spread_out = qmc.LatinHypercube(len(free), rng=np.random.default_rng(0)).random(starts - 1)
     found = [
-        minimise(problem_at(dynamics, start, noise, factor), start, robust, tolerance=COARSE)
+        minimise(problem_at(dynamics, start, noise, factor), start, robust, tolerance=tolerance)
         for start in tracked([values, *(low + spread_out * (high - low))])
     ]
     _, values = min(found, key=lambda pair: pair[0])

@@ -33,7 +33,7 @@ from sautereau.analysis.identify.parameters import (
     value_of,
     with_parameters,
 )
-from sautereau.analysis.identify.problem import AT_BOUND, Problem, minimise
+from sautereau.analysis.identify.problem import Problem, minimise
 from sautereau.analysis.identify.quality import Quality, judged, quality
 from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
@@ -267,7 +267,6 @@ def _estimates(
         low = high = None
         if determined and good.fits:
             low, high = value - NORMAL_95 * std, value + NORMAL_95 * std
-        room = AT_BOUND * (p.high - p.low)
         found.append(
             Estimate(
                 name=p.name,
@@ -279,7 +278,7 @@ def _estimates(
                 std_inputs=float(np.sqrt(max(0.0, std**2 - noise**2))) if determined else None,
                 low=low,
                 high=high,
-                at_bound=min(value - p.low, p.high - value) <= room,
+                at_bound=p.at_bound(value),
                 identifiable=unaided < IDENTIFIABLE,
                 needed=IDENTIFIABLE * scale,
                 unaided=unaided * scale if np.isfinite(unaided) else None,

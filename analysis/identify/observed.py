@@ -6,12 +6,15 @@ the same weights. The smoothing therefore cancels in the equation of motion. Imp
 and gaps, where that does not hold, are excluded.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.identify.parameters import TIME_RANGE
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.phases import Phases
 from sautereau.rig.acquisition import Channel
@@ -250,39 +253,67 @@ class Observed:
     """Noise while the key is at rest; None if the recording has no rest."""
 
     def force(self, lag: float = 0.0) -> Floats:
-        """Return the force [N] at the instants if the force is delayed by `lag` [s]."""
-        return np.interp(self.time + lag, self.smooth_time, self.smooth_force)
+        """Return the force [N] at the fitted instants if it is delayed by `lag` [s]."""
+        return np.interp(self.time[self.used] + lag, self.smooth_time, self.smooth_force)
 
-    def substep_force(self, lag: float = 0.0) -> Floats:
-        """Return the net force [N] at `substep_time` if the force is delayed by `lag` [s]."""
-        return np.interp(self.substep_time + lag, self.net_time, self.net_force)
-
-    def until(self, count: int, end: int) -> "Observed":
-        """Return at most the first `count` instants; those from number `end` on are not fitted."""
-        count = min(count, len(self.time))
-        parts = len(self.substep_time) - SUBSTEPS * (len(self.time) - count)
+    def until(self, end: int) -> "Observed":
+        """Return the press of which instants from number `end` on are not fitted."""
         return replace(
             self,
-            time=self.time[:count],
-            motion=Motion(*(part[:count] for part in self.motion)),
-            used=self.used[:count] & (np.arange(count) < end),
+            used=self.used & (np.arange(len(self.used)) < end),
             release_angles=self.release_angles[:1],
             release_stds=self.release_stds[:1],
             release_speeds=self.release_speeds[:1],
-            lagged_force=self.lagged_force[:count],
-            slide=self.slide[:count],
-            substep_time=self.substep_time[:parts],
-            substep_angle=self.substep_angle[:parts],
-            phase=self.phase[:count],
         )
 
-    def smoothed(self, rows: Floats) -> Floats:
-        """Return rows of values given at `substep_time`, smoothed, at the instants."""
-        reach = (rows.shape[1] - 1 - SUBSTEPS * (len(self.time) - 1)) // 2
-        weights = 1 - (np.arange(-reach, reach + 1) * self.step / SUBSTEPS / (WINDOW / 2)) ** 2
-        weights = np.maximum(weights, 0.0)
-        smoothed = [np.convolve(row, weights / weights.sum(), "valid")[::SUBSTEPS] for row in rows]
-        return np.stack(smoothed)
+
+class Stacked:
+    """Presses as rows of arrays, in which a shorter one repeats its last value; it is not fitted.
+
+    `substep_time`, `substep_angle` and `used` are those of `Observed`, shape (presses, n), up to
+    the last fitted instant and modelled release; `lift_off` has the shape (presses, 1).
+    """
+
+    def __init__(self, presses: Sequence[Observed]):
+        self.presses, self.step = tuple(presses), presses[0].step / SUBSTEPS
+        time, used = _rows([p.substep_time for p in presses]), _rows([p.used for p in presses])
+        self._window = time.shape[1] - SUBSTEPS * (used.shape[1] - 1)
+        self.used = used[:, : np.flatnonzero(used.any(axis=0))[-1] + 1]
+        end = self._window + SUBSTEPS * (self.used.shape[1] - 1)
+        for press, own in zip(presses, time, strict=True):
+            releases = press.releases[: len(press.release_angles)] + TIME_RANGE
+            end = max([end, *(np.searchsorted(own, releases) + 1)])
+        self.substep_time = time[:, :end]
+        self.substep_angle = _rows([p.substep_angle for p in presses])[:, :end]
+        self.lift_off = np.array([[p.lift_off] for p in presses])
+
+    def substep_force(self, lag: float) -> Floats:
+        """Return the net force [N] at `substep_time` if it is delayed by `lag` [s]."""
+        pairs = zip(self.presses, self.substep_time + lag, strict=True)
+        return np.stack([np.interp(time, p.net_time, p.net_force) for p, time in pairs])
+
+    def smoothed(self, values: Floats) -> Floats:
+        """Return values at `substep_time`, smoothed, at all fitted instants.
+
+        Args:
+            values: Shape (..., presses, n); those after the last ones are 0.
+
+        Returns:
+            Shape (..., instants).
+        """
+        reach, last = self._window // 2, SUBSTEPS * (self.used.shape[1] - 1)
+        window = np.arange(-reach, reach + 1) * self.step / (WINDOW / 2)
+        weights = np.maximum(1 - window**2, 0.0)
+        every = np.zeros((*values.shape[:-1], max(last + self._window, values.shape[-1])))
+        every[..., : values.shape[-1]] = values
+        every = np.lib.stride_tricks.sliding_window_view(every, len(weights), axis=-1)
+        found = every[..., : last + 1 : SUBSTEPS, :] @ (weights / weights.sum())
+        return found[..., self.used]
+
+
+def _rows(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    longest = max(map(len, arrays))
+    return np.stack([np.pad(a, (0, longest - len(a)), mode="edge") for a in arrays])
 
 
 def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:

@@ -163,6 +163,10 @@ class Parameter:
         width = self.high - self.low
         return width if split_name(self.name)[1] == FRICTION else max(abs(value), width / FACTOR)
 
+    def at_bound(self, value: float) -> bool:
+        """Return whether a fitted value is at a bound, up to rounding."""
+        return min(value - self.low, self.high - value) <= 1e-9 * (self.high - self.low)
+
     @property
     def difference(self) -> float:
         """Step of numerical derivatives, divided by the scale."""

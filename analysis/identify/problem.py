@@ -146,12 +146,10 @@ def autocovariance(
     return means
 
 
-AT_BOUND = 1e-3
-"""Fraction of its range: a parameter that is closer to a bound is at it. The solver, which stays
-inside, stops up to 2e-4 short of it."""
-TOLERANCE = 1e-6  # Relative tolerance of the solver for a result
-COARSE = 1e-4  # Relative tolerance of the solver for a fit that only serves to estimate the noise
-UNSOLVED = 1e6  # Residuals where the model has no solution: the solver rejects the step
+TOLERANCE = 1e-6  # Relative decrease of the cost that is neglected in a result
+COARSE = 1e-4  # The same in a fit that only serves to estimate the noise
+ROUGH = 1e-2  # The same in a fit whose values start that one
+DAMPING = 1e-3  # Of each scaled parameter, in any step: it keeps undetermined ones where they are
 
 
 @dataclass(frozen=True)
@@ -196,13 +194,11 @@ class Problem:
         return np.diag(self.scales / [p.std or 1.0 for p in self.free])[known]
 
     def all(self, point: Floats) -> Floats:
-        """Return the residuals [1] of data and priors; `UNSOLVED` if there is no solution."""
+        """Return the residuals [1] of data and priors; one that is infinite without a solution."""
         try:
-            found = self.data(point)
+            return np.concatenate([self.data(point), self.prior(point)])
         except ModelError:
-            count = sum(int(p.used.sum()) for p in self.dynamics.presses)
-            found = np.full(count + len(self.dynamics.rise_stds), UNSOLVED)
-        return np.concatenate([found, self.prior(point)])
+            return np.full(1, np.inf)
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -211,23 +207,12 @@ class Problem:
         return low, np.array([p.high for p in self.free]) / self.scales
 
     def differences(self, point: Floats) -> Floats:
-        """Return the derivatives of `InverseDynamics.joined` by the scaled parameters.
-
-        They are central differences, one-sided at bounds; see `white`.
-        """
-        steps = np.diag([p.difference for p in self.free])
-        ends = np.clip(point + np.stack([-steps, steps]), *self.bounds)
-        self.dynamics.solve_together((ends * self.scales).reshape(-1, len(point)))
-        columns = []
-        for first, last in zip(*ends, strict=True):
-            before, after = (self.dynamics.joined(end * self.scales) for end in (first, last))
-            columns.append((after - before) / (last - first).sum())
-        return np.stack(columns, axis=1)
+        """Return the derivatives of `InverseDynamics.joined` by the scaled parameters."""
+        return self.dynamics.slopes(point * self.scales, self.scales) * self.scales
 
     def slopes(self, point: Floats) -> Floats:
-        """Return the derivatives of `all` by one-sided differences, in half the time."""
-        slopes = self.dynamics.slopes(point * self.scales, self.scales) * self.scales
-        return np.vstack([self.white(slopes), self.prior_jacobian])
+        """Return the derivatives of `all` by the scaled parameters."""
+        return np.vstack([self.white(self.differences(point)), self.prior_jacobian])
 
 
 def minimise(
@@ -237,42 +222,48 @@ def minimise(
     fixed: int | None = None,
     tolerance: float = TOLERANCE,
 ) -> tuple[float, Floats]:
-    """Minimise the cost from a start; return the minimum and the parameters [SI] there.
+    """Minimise the cost from a start by the Levenberg-Marquardt method.
+
+    A step solves the linear problem between the bounds, so that parameters may end at a bound.
+    Return the minimum and the parameters [SI] there.
 
     Args:
         values: SI, start, shape (parameters,).
         robust: Weight large residuals linearly instead of quadratically.
         fixed: Number of a parameter that keeps its value; None: all are free.
-        tolerance: Relative tolerance of cost and parameters.
+        tolerance: Relative decrease of the cost below which the solver stops.
     """
-    from scipy.optimize import least_squares
+    from scipy.optimize import lsq_linear
+
+    def cost_of(residuals: Floats) -> float:
+        squares = residuals**2
+        return float(np.sum(np.sqrt(1 + squares) - 1 if robust else squares / 2))
 
     low, high = found.bounds
-    moving = np.arange(len(values)) != fixed
-    start = np.clip(values / found.scales, low, high)
-
-    def complete(part: Floats) -> Floats:
-        point = start.copy()
-        point[moving] = part
-        return point
-
-    if not moving.any():
-        residuals = found.all(start)
-        return float(residuals @ residuals) / 2, values
-    result = least_squares(
-        lambda part: found.all(complete(part)),
-        start[moving],
-        jac=lambda p: found.slopes(complete(p))[:, moving],  # pyright: ignore[reportArgumentType]
-        bounds=(low[moving], high[moving]),
-        loss="soft_l1" if robust else "linear",
-        xtol=tolerance,
-        ftol=tolerance,
-        gtol=None,  # pyright: ignore[reportArgumentType]
-        max_nfev=40,
-    )
-    point = complete(result.x)
-    # The solver stays inside the bounds: move parameters that are almost at a bound onto it.
-    for end in (low, high):
-        near = np.abs(point - end) <= AT_BOUND * (high - low)
-        point = np.where(near, end, point)
-    return float(result.cost), point * found.scales
+    point = np.clip(values / found.scales, low, high)
+    moving = np.arange(len(point)) != fixed
+    residuals, damping, r, target = found.all(point), 0.0, None, np.array(())
+    cost = cost_of(residuals)
+    for _ in range(60):  # evaluations of the cost
+        if r is None:
+            weight = (1 + residuals**2) ** -0.25 if robust else np.ones(len(residuals))
+            q, r = np.linalg.qr(found.slopes(point)[:, moving] * weight[:, None])
+            target = -q.T @ (weight * residuals)
+        sizes = np.sqrt(damping) * np.linalg.norm(r, axis=0) + DAMPING
+        damped = np.vstack([r, np.diag(sizes)])
+        ends = (low - point)[moving], (high - point)[moving]
+        step = lsq_linear(damped, np.append(target, np.zeros(len(r))), ends, method="bvls").x
+        decrease = float(target @ target - np.sum((target - r @ step) ** 2)) / 2
+        if decrease <= tolerance * cost:
+            break
+        trial = point.copy()
+        trial[moving] = np.clip(point[moving] + step, low[moving], high[moving])
+        moved = found.all(trial)
+        gained = cost - cost_of(moved)
+        if gained < decrease / 4:
+            damping = max(10 * damping, 1e-3)
+        elif gained > decrease * 3 / 4:
+            damping /= 10
+        if gained > 0:
+            point, residuals, cost, r = trial, moved, cost - gained, None
+    return cost, np.clip(point * found.scales, *(found.scales * end for end in (low, high)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from sautereau.analysis.errors import ModelError
 from sautereau.analysis.identify import elastic, parameters
-from sautereau.analysis.identify.observed import SUBSTEPS, Observed
+from sautereau.analysis.identify.observed import Observed, Stacked
 from sautereau.analysis.model.choirs import choir_pluck, choirs, key_of, solve_together
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.plectrum.levels import level_of
@@ -21,15 +21,7 @@ from sautereau.trajectory.motion import Floats, Motion
 MODEL_STD = 5e-4
 """Accuracy of the model, divided by the largest force. Without it, small errors of the model would
 be attributed to the calibrations if the recordings have no noise."""
-NOT_OF_STRINGS = {
-    *(parameters.SLIDING, parameters.LATE_SLIDING, parameters.RELEASE),
-    *("key.gravity_moment", "key.pivot_coulomb_friction", "key.pivot_viscous_friction"),
-    "jack.register_friction",
-}  # Parameters that affect neither the strings' forces nor the bending of the key
-# And of a rigid key:
-NOT_OF_RIGID_KEY = {parameters.FORCE_GAIN, parameters.FINGERTIP, "key.inertia", "jack.mass"}
-CACHED_POINTS = 3  # Points whose string forces are kept: most derivatives do not change them
-ITERATIONS = 2  # Iterations of the strings' forces, which hardly depend on bending and cloth
+ITERATIONS = 3  # Iterations of the strings' forces; 2 leave 1 standard uncertainty at 96 Hz
 
 
 class InverseDynamics:
@@ -53,10 +45,9 @@ class InverseDynamics:
     ):
         self.rig, self.free, self.presses, self.level = rig, tuple(free), tuple(presses), level
         self.unusable = tuple(unusable)
-        self._states: dict[tuple[float, ...], _State] = {}
         self._known_slopes: tuple[Floats, Floats] | None = None
         self._nominal = moving_inertia(rig) / _finger_arm(rig)
-        self._record = elastic.shortest_record(presses)
+        self._record, self._rows = elastic.shortest_record(presses), Stacked(presses)
         rows = [np.stack([*p.motion, p.lagged_force, p.slide])[:, p.used] for p in self.presses]
         *motion, self._lagged, self._slide = np.concatenate(rows, axis=1)
         self._motion = Motion(*motion)
@@ -79,7 +70,7 @@ class InverseDynamics:
     @cached_property
     def floor(self) -> float:
         """N, smallest scale of the force residuals: the accuracy of the model."""
-        return MODEL_STD * max(float(np.abs(p.force()[p.used]).max()) for p in self.presses)
+        return MODEL_STD * max(float(np.abs(p.force()).max()) for p in self.presses)
 
     @property
     def noise(self) -> float | None:
@@ -102,25 +93,25 @@ class InverseDynamics:
         Raises:
             ModelError: The model has no solution there.
         """
-        values, rig, held = self._bench(point)
+        values, rig, strung = self._bench(point)
         # The angle follows from the measured velocity and this lever arm.
         turned = self.presses[0].laser_arm / rig.key.laser_arm
         values[parameters.VELOCITY_GAIN] = gain = turned * values.get(parameters.VELOCITY_GAIN, 1.0)
         lag, force_gain = values.get(parameters.TIME, 0.0), values.get(parameters.FORCE_GAIN, 1.0)
         sliding = values.get(parameters.SLIDING, 0.0), values.get(parameters.LATE_SLIDING, 0.0)
-        strings, modes = _strings(rig, held, self.level, values), elastic.modes_of(values)
+        strings, modes = _strings(rig, strung, self.level, values), elastic.modes_of(values)
         # Of the measured acceleration on the measured force. Without modes, the residuals have only
         # half of the noise at rest, and weights that fall with a friction would make it too small.
         arm = _finger_arm(rig) if modes else rig.key.press_arm
         inertia = moving_inertia(rig) / arm * gain / force_gain
         amplified = elastic.noise_gain(modes, self._record)
-        state = self._state(rig, strings, values)
+        force, held, bending, extra_rise = _state(rig, strings, self._rows, values)
         modelled = rise_of_angle(rig.key, np.array([string.release for string in strings]))
         measured = rise_of_angle(rig.key, gain * self._angles) - self._speeds * lag
-        rises = (measured + state.extra_rise - modelled[self._released]) / self.rise_stds
-        motion = Motion(*(gain * np.stack(self._motion) - state.bending))
+        rises = (measured + extra_rise - modelled[self._released]) / self.rise_stds
+        motion = Motion(*(gain * np.stack(self._motion) - bending))
         # Compare in units of the measured force: its noise does not depend on the gain.
-        force, required = state.measured, finger_force(rig, motion, state.strings)
+        required = finger_force(rig, motion, held)
         slid = sliding[0] * force + sliding[1] * self._lagged - self._slide / rig.key.press_arm
         residual = force * (1 + slid) - required / force_gain
         forces = np.split(residual, self._starts)
@@ -163,13 +154,14 @@ class InverseDynamics:
 
         Args:
             point: Values of the parameters [SI], shape (parameters,).
-            scales: SI, of the parameters, of which the steps are a fraction.
+            scales: SI, of the parameters, of which the steps are fractions.
 
         Returns:
             Shape (n, parameters). A column is 0 where the model has no solution after the step,
             so that the solver leaves this parameter as it is.
         """
-        steps, high = parameters.DIFFERENCE * scales, np.array([p.high for p in self.free])
+        steps = scales * [p.difference for p in self.free]
+        high = np.array([p.high for p in self.free])
         if self._known_slopes is not None:
             at, known = self._known_slopes
             if np.all(np.abs(point - at) <= steps):
@@ -185,22 +177,6 @@ class InverseDynamics:
         self._known_slopes = point, np.stack(columns, axis=1)
         return self._known_slopes[1]
 
-    def _state(
-        self, rig: Rig, strings: "Sequence[_String]", values: Mapping[str, float]
-    ) -> "_State":
-        """Return the state of all presses; points with equal string forces share it."""
-        beside = NOT_OF_STRINGS if elastic.modes_of(values) else NOT_OF_STRINGS | NOT_OF_RIGID_KEY
-        own = tuple(value for name, value in values.items() if name not in beside)
-        found = self._states.pop(own, None)
-        if found is None:
-            each = [vars(_state(rig, strings, press, values)) for press in self.presses]
-            parts = zip(*(own.values() for own in each), strict=True)
-            found = _State(*(np.concatenate(part, axis=-1) for part in parts))
-        self._states[own] = found
-        if len(self._states) > CACHED_POINTS:
-            self._states.pop(next(iter(self._states)))
-        return found
-
 
 def _finger_arm(rig: Rig) -> float:
     """Return the finger's lever arm on the way down [m], with the friction of its tip."""
@@ -215,18 +191,6 @@ class _String:
     key: Key  # Key with the lever arm of the choir's jack
     held: elastic.HeldString
     release: float  # rad, key angle at release
-
-
-@dataclass(frozen=True)
-class _State:
-    """Effects of strings and modes in presses, smoothed, at their n fitted instants."""
-
-    measured: Floats  # N, measured force; shape (n,)
-    strings: Floats  # N, forces of the strings on the jacks; shape (choirs, n)
-    bending: Floats
-    """rad, contribution of the modes to the key angle, with its derivatives; shape (3, n)."""
-    extra_rise: Floats
-    """m, contribution of modes and cloth to the first jack's rise at each modelled release."""
 
 
 def _strings(
@@ -273,55 +237,61 @@ def _further(choir: Choir, number: int, values: Mapping[str, float], friction: f
 
 
 def _state(
-    rig: Rig, strings: Sequence[_String], press: Observed, values: Mapping[str, float]
-) -> _State:
-    """Return the state of one press; a string is held until its measured release.
+    rig: Rig, strings: Sequence[_String], rows: Stacked, values: Mapping[str, float]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the effects of strings and modes at the n fitted instants, smoothed.
 
-    A string that is still held after its modelled release keeps the force of that instant. The
-    residual is then a smooth function of the parameters; the release is compared by its rise.
+    A string is held until its measured release. If it is still held after its modelled release, it
+    keeps the force of that instant. The residual is then a smooth function of the parameters; the
+    release is compared by its rise.
+
+    Returns:
+        Measured force [N], shape (n,); forces of the strings on the jacks [N], shape (choirs, n);
+        contribution of the modes to the key angle [rad], with its derivatives, shape (3, n); that
+        of modes and cloth to the first jack's rise at each modelled release [m].
     """
     lag, cloth, modes = (
         values.get(parameters.TIME, 0.0),
         values.get(parameters.CLOTH, 0.0),
         elastic.modes_of(values),
     )
-    releases, key, damped = press.releases - lag, rig.key, values.get(parameters.DAMPER, 0.0)
+    key, damped = rig.key, values.get(parameters.DAMPER, 0.0)
     higher = (
         values[parameters.DAMPER_LIFT] - rig.jack.damper.lift if rig.jack.damper and damped else 0.0
     )
-    lasts = np.zeros(len(strings), int)
-    lasts[press.strings] = np.searchsorted(press.substep_time, releases)
+    lasts = np.zeros((len(strings), len(rows.presses), 1), int)
+    for press, time, own in zip(rows.presses, rows.substep_time, lasts.T[0], strict=True):
+        own[press.strings] = np.searchsorted(time, press.releases - lag)
     # Of a rigid key without dampers nothing else acts after the last release.
     count = None if modes or damped else int(lasts.max()) + 1
-    angle = values.get(parameters.VELOCITY_GAIN, 1.0) * press.substep_angle[:count]
-    time, step = press.substep_time[:count], press.step / SUBSTEPS
+    angle = values.get(parameters.VELOCITY_GAIN, 1.0) * rows.substep_angle[:, :count]
+    held = np.arange(angle.shape[1]) < lasts
     risen = [rise_of_angle(string.key, angle) for string in strings]
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
     inertia, gain = moving_inertia(rig), values.get(parameters.FORCE_GAIN, 1.0)
-    bending = elastic.Bending(modes, press, lag, gain, _finger_arm(rig), inertia)
-    bent, rise = np.zeros((3, len(angle))), np.zeros(len(angle))
-    before = pushing = np.zeros((len(strings), len(angle)))
+    bending = elastic.Bending(modes, rows, lag, gain, _finger_arm(rig), inertia)
+    bent, rise = np.zeros((3, *angle.shape)), np.zeros(angle.shape)
+    before = pushing = np.zeros((len(strings), *angle.shape))
     for iteration in range(1 + ITERATIONS * bool(modes or cloth)):
         if modes and iteration:
-            bent, rise = bending.by(arms @ (pushing - pushing[:, :1]))
+            bent, rise = bending.by(np.tensordot(arms, pushing - pushing[..., :1], 1))
             risen = [
                 rise_of_angle(string.key, angle - bent[0]) + string.choir.jack_arm * rise
                 for string in strings
             ]
         heights = [height - cloth * push for height, push in zip(risen, pushing, strict=True)]
         before, pushing = pushing, np.zeros_like(pushing)
-        for push, string, height, last in zip(pushing, strings, heights, lasts, strict=True):
-            above = height[:last] - string.choir.jack.string_clearance
-            push[:last] = string.held.force(above, string.held.behind(above, step))
+        for push, string, height, within in zip(pushing, strings, heights, held, strict=True):
+            above = np.where(within, height - string.choir.jack.string_clearance, 0.0)
+            push += within * string.held.force(above, string.held.behind(above, rows.step))
             if damped and (damper := string.choir.jack.damper) is not None:
                 lowered = np.maximum(damper.lift + higher - height, 0.0)
                 push -= damped * damper.stiffness * lowered
     extra = key.jack_arm * (rise - bent[0]) - cloth * before[0]
-    forces = np.zeros((len(strings), len(press.substep_time)))
-    forces[:, : len(time)] = pushing
-    return _State(
-        press.force(lag)[press.used],
-        press.smoothed(forces)[:, press.used],
-        press.smoothed(bent)[:, press.used] if modes else np.zeros((3, int(press.used.sum()))),
-        np.interp(releases[: len(press.release_angles)], time, extra),
-    )
+    rises = [
+        np.interp((p.releases - lag)[: len(p.release_angles)], time[:count], own)
+        for p, time, own in zip(rows.presses, rows.substep_time, extra, strict=True)
+    ]
+    measured = np.concatenate([p.force(lag) for p in rows.presses])
+    bent = rows.smoothed(bent) if modes else np.zeros((3, len(measured)))
+    return measured, rows.smoothed(pushing), bent, np.concatenate(rises)

@@ -440,7 +440,7 @@ def _forces(top, below, fitted: fitting.Fit) -> None:
     press = dynamics.presses[0]
     time = press.time * 1e3
     force = np.full(len(time), np.nan)
-    force[press.used] = press.force()[press.used]
+    force[press.used] = press.force()
     top.plot(time, force, color=palette.MEASURED, lw=2.2, alpha=0.6, label="recorded")
     for residual, colour, name, dashes in (
         (before[0], palette.BEFORE, "model before", ":"),

@@ -15,7 +15,6 @@ from sautereau.analysis.identify.compliant import compliant
 from sautereau.analysis.identify.elastic import Bending, Mode, mode_parameters, noise_gain
 from sautereau.analysis.identify.fit import inverse_dynamics
 from sautereau.analysis.identify.identified import identify
-from sautereau.analysis.identify.observed import SUBSTEPS
 from sautereau.analysis.identify.parameters import (
     FINGERTIP,
     FORCE_GAIN,
@@ -34,9 +33,7 @@ def test_a_mode_follows_its_equation_from_its_state_at_the_lift():
     time = np.arange(-100, 500) / 8e3
     finger = 0.3 * np.sin(2 * np.pi * 25 * np.clip(time, 0, 0.02)) ** 2
     strings = 0.02 * np.clip(time / 0.03, 0, 1) ** 2
-    press = Mock(
-        substep_time=time, lift_off=0.0, step=SUBSTEPS / 8e3, substep_force=lambda _: finger
-    )
+    press = Mock(substep_time=time, lift_off=0.0, step=1 / 8e3, substep_force=lambda _: finger)
     angle, rise = Bending([mode], press, 0.0, 1.0, ARM, INERTIA).by(strings)
     turn = 2 * np.pi * mode.frequency
 

@@ -1,11 +1,14 @@
-"""Whitening of correlated residuals with gaps."""
+"""The least-squares problem: whitening of correlated residuals with gaps, and the solver."""
+
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
+from scipy.optimize import least_squares
 
 from sautereau.analysis.identify.observed import noise_at_rest
-from sautereau.analysis.identify.problem import autocovariance, whitening
+from sautereau.analysis.identify.problem import autocovariance, minimise, whitening
 from sautereau.trajectory.motion import Motion
 
 STEP = 0.5e-3
@@ -100,3 +103,22 @@ def test_the_autocovariance_of_an_autoregression_is_found_through_gaps():
     found = autocovariance(residuals, used, STEP, 0)
     lags = np.arange(6)
     assert found[:6] == pytest.approx(0.8**lags / (1 - 0.64), rel=0.08)
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+def test_the_solver_ends_at_the_minimum_of_an_independent_one_between_the_bounds(loss):
+    """Of Rosenbrock's function, and of a parameter that ends at its bound."""
+
+    def residuals(x):
+        return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0], x[2] - 3, x[2] / 10])
+
+    def jacobian(x):
+        return np.array([[-20 * x[0], 10, 0], [-1, 0, 0], [0, 0, 1], [0, 0, 0.1]])
+
+    bounds, start = (np.full(3, -2.0), np.array([0.8, 2.0, 2.0])), np.array([-1.2, 1.0, 1.0])
+    problem = Mock(bounds=bounds, scales=np.ones(3), all=residuals, slopes=jacobian)
+    cost, found = minimise(problem, start, loss != "linear")
+    expected = least_squares(residuals, start, jacobian, bounds, loss=loss, xtol=1e-12)
+    np.testing.assert_allclose(found, expected.x, atol=1e-3)
+    assert found[2] == 2.0
+    assert cost == pytest.approx(expected.cost, rel=1e-5)

@@ -157,19 +157,25 @@ def test_a_press_until_an_instant_has_the_same_residuals_up_to_it(press):
     dynamics = inverse_dynamics([press], [phases], ["key.inertia"])
     taken = dynamics.presses[0]
     end = int(np.searchsorted(taken.time, phases.plucks[0].release))
-    until = InverseDynamics(dynamics.rig, dynamics.free, [taken.until(end + 3, end)], "elastica")
+    until = InverseDynamics(dynamics.rig, dynamics.free, [taken.until(end)], "elastica")
     point = np.array([p.start for p in dynamics.free])
     forces = dynamics.residuals(point)[0][0]
     count = np.count_nonzero(taken.used[:end])
     np.testing.assert_allclose(until.residuals(point)[0][0], forces[:count], rtol=0, atol=1e-12)
 
 
-def test_a_press_shorter_than_the_others_keeps_its_length(taken):
-    n = len(taken.time)
-    until = taken.until(n + 100, n + 50)
-    assert (len(until.time), len(until.used), len(until.phase)) == (n, n, n)
-    np.testing.assert_array_equal(until.substep_angle, taken.substep_angle)
-    np.testing.assert_array_equal(until.used, taken.used)
+def test_presses_of_different_lengths_are_fitted_as_each_alone(press):
+    phases = find_phases(press)
+    shorter = replace(
+        press,
+        time=press.time[:-500],
+        samples={name: values[:-500] for name, values in press.samples.items()},
+    )
+    dynamics = inverse_dynamics([press, shorter], [phases, phases], ["key.inertia"])
+    point = np.array([p.start for p in dynamics.free])
+    for alone, forces in zip((press, shorter), dynamics.residuals(point)[0], strict=True):
+        own = inverse_dynamics([alone], [phases], ["key.inertia"])
+        np.testing.assert_allclose(own.residuals(point)[0][0], forces, rtol=0, atol=1e-12)
 
 
 def test_a_thrown_jack_lands_after_its_ballistic_flight():
