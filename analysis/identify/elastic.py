@@ -22,6 +22,7 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sautereau.analysis.identify.observed import WINDOW, Observed, Stacked
 from sautereau.analysis.identify.parameters import INERTIA, MODE, Parameter
@@ -324,7 +325,7 @@ class HeldString:
 
 
 @lru_cache(maxsize=32)
-def _response(string: String, slope: float, step: float, count: int) -> Floats:
+def _response(string: String, slope: float, step: float, count: int) -> NDArray[np.complex128]:
     """Return how far a string on a spring is behind after a force of 1 N during one step.
 
     A mode responds as by the bilinear transform, which is exact for slow forces and at the

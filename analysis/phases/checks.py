@@ -280,7 +280,7 @@ def about_rig(
             _differs((0.0, most), of_drop, times, fix, (i,))
             or _differs(limits, f"{who}, {drop:.2g} N,", drop / strings.forces[row], fix, (i,))
         )
-    certain = max(settings.late, settings.deviations * fit.lag_std)
+    certain = max(settings.late, settings.deviations * (fit.lag_std or 0.0))
     if plucks and fit.lag is not None and abs(fit.lag) > certain:
         late, early = ("force", "velocity") if fit.lag > 0 else ("velocity", "force")
         text = (

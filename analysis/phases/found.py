@@ -107,11 +107,11 @@ class Fit:
     """Inertia of key and jacks over that of the rig; None where it was not evaluated."""
     lag: float | None = None
     """s, by which the force is late, compared with the velocity; None likewise."""
+    lag_std: float | None = None
+    """s, its standard uncertainty."""
     negligible: bool = False
     """Whether the load that a rigid key does not explain shifts contacts by less than the least
     uncertainty of a contact on a compliant key."""
-    lag_std: float = 0.2e-3
-    """s, standard uncertainty of `lag`; this one on a compliant key, whose vibration changes it."""
 
     @property
     def verdict(self) -> Literal["good", "fair", "poor", "by hand"]:
