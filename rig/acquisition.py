@@ -296,6 +296,9 @@ class Daq(Section):
             raise ValueError(
                 "tls, insecure: both are given and contradict each other; remove insecure"
             )
+        if (self.tls or self.insecure) and not self.address:
+            given = "tls" if self.tls else "insecure"
+            raise ValueError(f"{given}: it has no effect without an address; remove it")
         return self
 
     def physical(self, channel: Channel) -> str:

@@ -207,12 +207,24 @@ class Problem:
         return low, np.array([p.high for p in self.free]) / self.scales
 
     def differences(self, point: Floats) -> Floats:
-        """Return the derivatives of `InverseDynamics.joined` by the scaled parameters."""
-        return self.dynamics.slopes(point * self.scales, self.scales) * self.scales
+        """Return the derivatives of `InverseDynamics.joined` by the scaled parameters.
+
+        They are central differences, one-sided at bounds: for uncertainties, as where several
+        parameters do nearly the same, one-sided ones make these up to 25 % too small.
+        """
+        steps = np.diag([p.difference for p in self.free])
+        ends = np.clip(point + np.stack([-steps, steps]), *self.bounds)
+        self.dynamics.solve_together((ends * self.scales).reshape(-1, len(point)))
+        columns = []
+        for first, last in zip(*ends, strict=True):
+            before, after = (self.dynamics.joined(end * self.scales) for end in (first, last))
+            columns.append((after - before) / (last - first).sum())
+        return np.stack(columns, axis=1)
 
     def slopes(self, point: Floats) -> Floats:
-        """Return the derivatives of `all` by the scaled parameters."""
-        return np.vstack([self.white(self.differences(point)), self.prior_jacobian])
+        """Return the derivatives of `all` by one-sided differences, in half the time."""
+        slopes = self.dynamics.slopes(point * self.scales, self.scales) * self.scales
+        return np.vstack([self.white(slopes), self.prior_jacobian])
 
 
 def minimise(

@@ -72,10 +72,12 @@ def about_fit(
         likely = growth.odds + max(meanwhile.values(), default=0.0) > LIKELY
         found.append(Remark(text, doubt=not expects and likely))
     if fit.verdict == "poor":
+        coarse = signals.rate * signals.settings.row < 1  # the rows are single samples
         text = (
-            f"the key rings and bends, or the rig is of another instrument: {_unexplained(fit)}, so"
-            " contact and release may be wrong by more than their uncertainties; press more slowly,"
-            " or check them in a plot"
+            f"{f'{signals.rate / 1e3:.3g} kHz is a low sampling rate, ' * coarse}the key rings and"
+            f" bends, or the rig is of another instrument: {_unexplained(fit)}, so contact and"
+            f" release may be wrong by more than their uncertainties;{' sample faster,' * coarse}"
+            " press more slowly, or check them in a plot"
         )
         found.append(Remark(text))
     if 0 < len(plucks) < count:

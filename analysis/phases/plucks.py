@@ -119,7 +119,7 @@ def _compliant(
     noise = max(contact.noise for contact, _ in plucks)
     fit = Fit("compliant", noise, *_of_key(searched))
     lag, std = lag_of(strings, signals, way, plucks, searched.compliance)
-    # The search knows the whole way, but not how certain its lag is.
+    # The search knows all of the way, but not how certain its lag is.
     if abs(lag) / std > abs(searched.lag) / LAG_STD:
         fit = replace(fit, lag=lag, lag_std=std)
     # Less may be what the shape of a string leaves.

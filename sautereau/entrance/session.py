@@ -310,10 +310,10 @@ def open(what: "str | Path | Iterable[str | Path]", *, folder: str | Path | None
         folder: Folder of the recordings of a campaign's table; None for that of the table.
 
     Raises:
-        AnalysisError: Lists the parts of `what` without a recording.
+        AnalysisError: Lists the parts of `what` without a recording; or there is no part.
     """
     parts = [what] if isinstance(what, str | Path) else list(what)
-    found, faults = [], []
+    found, faults = [], [] if parts else ["open: no recording was given; give files or folders"]
     for part in parts:
         try:
             found.append(recordings_of(part, folder))

@@ -316,6 +316,8 @@ def test_sessions_open_from_folders_patterns_lists_and_tables(four, tmp_path):
     for what in (tmp_path, "none-*.mcap", tmp_path / "table.parquet"):
         with pytest.raises(AnalysisError, match="give recordings"):
             st.open(what)
+    with pytest.raises(AnalysisError, match="no recording was given"):
+        st.open([])
     assert st.open(folder)[1:3][0].info.press == 2
 
 

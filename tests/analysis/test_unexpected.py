@@ -156,6 +156,13 @@ def test_the_front_felt_is_no_lag(seed):
     assert not any(LATE in warning for warning in phases.warnings)
 
 
+def test_a_low_sampling_rate_is_a_cause_of_a_poor_fit():
+    phases = find_phases(judged_press(press(ONE_FACTOR["sampled at 5 kHz"], 0)))
+    (poor,) = phases.warnings
+    assert "5 kHz is a low sampling rate" in poor
+    assert "sample faster" in poor
+
+
 def test_a_recording_that_ends_while_a_string_is_held():
     pressed = press(ONE_FACTOR["all stiff"], 0)
     (pluck,) = pressed.truth.plucks

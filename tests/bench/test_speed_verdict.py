@@ -45,7 +45,7 @@ def test_a_session_that_does_not_keep_its_speed_says_so(sautereau, spinet, servo
     assert session.features.attrs["units"]["held_speed_min"] == "m/s"
     page = Path(session.report().path).read_text(encoding="utf-8")
     assert "press.speed_tolerance 0.5 %: not reached in 1 of 1 presses" in page
-    assert f"{speed['rms_error']:.4f}" in page
+    assert f"{100 * speed['rms_error']:.2f}" in page
 
 
 def test_a_correction_that_has_gone_stale_says_so(sautereau, rig_file, servo, tmp_path):

@@ -173,6 +173,7 @@ def test_all_jacks_hold_the_key_on_its_back_rail():
             [('high_pass = "0.1 Hz"', 'high_pass = "22 kHz"')],
             ["daq.channels.1.high_pass: 22000 Hz is not below low_pass", "raise low_pass"],
         ),
+        ([('address = ""', 'address = ""\ninsecure = true')], ["daq.insecure: it has no effect"]),
     ],
 )  # fmt: skip
 def test_each_rule_between_fields(changed, replacements, messages):
