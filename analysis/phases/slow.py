@@ -75,10 +75,12 @@ class Slow:
         self._rise, self._speed = means(signals.rise), means(signals.speed)
         self._slow_force = uniform_filter1d(force - force[0], 2 * HOPS + 1, mode="nearest")
         self._lever = float(signals.rise[end] / max(1e-9, signals.deflection[end]))
-        self.force, self.force_2 = self.smooth(force), self.smooth(force, 2)
-        acceleration = self.smooth(velocity, 1)
-        signal = {"v": velocity, "F": force}
-        terms = [std * self.smooth(signal[name[0]], int(name[1])) for name, std in TERMS.items()]
+        # All derivatives at once: the matrices of `smooth` take longer if each is used once.
+        kernels = np.stack([_kernel(k) / self.width**k for k in range(ORDER + 1)], 1)
+        signal = {"v": velocity[self._places] @ kernels, "F": force[self._places] @ kernels}
+        self.force, self.force_2 = signal["F"][:, 0], signal["F"][:, 2]
+        acceleration = signal["v"][:, 1]
+        terms = [std * signal[name[0]][:, int(name[1])] for name, std in TERMS.items()]
         terms[0] *= self.inertial
         self.terms = np.stack(terms, 1)
         """N, the terms times their prior standard deviations; shape (n, terms)."""
