@@ -143,6 +143,7 @@ def test_a_key_without_its_certificate_is_refused():
 
 def test_a_rig_file_gives_tls_and_not_insecure_as_well(tmp_path):
     text = (Path(__file__).parents[2] / "rig" / "paper.toml").read_text(encoding="utf-8")
+    text = text.replace('address = ""', 'address = "bench.example:31763"')
     path = tmp_path / "rig.toml"
     given = '[daq]\ntls = { root_certificate = "~/ca.pem" }\n'
     path.write_text(text.replace("[daq]\n", given), encoding="utf-8")
