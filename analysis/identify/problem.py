@@ -256,6 +256,8 @@ def minimise(
     moving = np.arange(len(point)) != fixed
     residuals, damping, r, target = found.all(point), 0.0, None, np.array(())
     cost = cost_of(residuals)
+    if not np.isfinite(cost):  # the model has no solution at this start
+        return cost, values
     for _ in range(60):  # evaluations of the cost
         if r is None:
             weight = (1 + residuals**2) ** -0.25 if robust else np.ones(len(residuals))

@@ -122,3 +122,13 @@ def test_the_solver_ends_at_the_minimum_of_an_independent_one_between_the_bounds
     np.testing.assert_allclose(found, expected.x, atol=1e-3)
     assert found[2] == 2.0
     assert cost == pytest.approx(expected.cost, rel=1e-5)
+
+
+def test_a_start_at_which_the_model_has_no_solution_is_left_alone():
+    """Of stiff plectra, points between the bounds may lift the string too far."""
+    none = Mock(side_effect=AssertionError("there are no slopes"))
+    bounds, scales = (np.zeros(2), np.ones(2)), np.ones(2)
+    problem = Mock(bounds=bounds, scales=scales, all=lambda x: np.full(1, np.inf), slopes=none)
+    cost, values = minimise(problem, np.array([0.3, 0.4]), robust=False)
+    assert cost == np.inf
+    assert values.tolist() == [0.3, 0.4]
