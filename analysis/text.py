@@ -30,6 +30,13 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun if count == 1 else _PLURALS.get(noun, f'{noun}s')}"
 
 
+def listed(names: Sequence[str] | str) -> Sequence[str]:
+    """Return names as a list, also those of one text, which are separated by commas."""
+    if not isinstance(names, str):
+        return names
+    return [name.strip() for name in names.split(",") if name.strip()]
+
+
 def grouped(said: Iterable[tuple[object, str]], noun: str) -> list[str]:
     """Return texts about named things, equal texts first and once: `4 files (a, b, ...): TEXT`.
 

@@ -102,9 +102,8 @@ def lag_of(
     peaks = 0.1 * np.exp(-0.5 * away**2).sum(0)  # N
     fit = SawTeeth(slow, compliance, row_noise(0.0, slow.settings), strings, known, peaks)
     solved = fit.solved(places)
-    lag, std = fit.lag(solved)
     rms = float(np.sqrt(np.mean(solved.row_residuals**2)))
-    return lag, std * row_noise(rms, slow.settings) / fit.noise
+    return fit.lag(solved), fit.lag_std(solved) * row_noise(rms, slow.settings) / fit.noise
 
 
 def _searched(strings: Expected, signals: Signals, way: tuple[int, int]) -> tuple[Slow, Searched]:

@@ -181,22 +181,19 @@ class SawTeeth:
         row = len(self.load) + list(TERMS).index(name)
         return -float(solved.residuals[row]) / self.noise * TERMS[name]
 
-    def lag(self, solved: Solved) -> tuple[float, float]:
-        """Return by how much the force is late, compared with the velocity, and its uncertainty.
+    def lag(self, solved: Solved) -> float:
+        """Return by how much [s] the force is late, compared with the velocity."""
+        return -self.term(solved, "F1") - self.term(solved, "v2") / self.slow.inertial
 
-        Returns:
-            Both in s; the standard uncertainty is that for given instants, and the noise of a row.
-        """
-        parts = {"F1": -1.0, "v2": -1 / self.slow.inertial}
-        lag = sum(part * self.term(solved, name) for name, part in parts.items())
+    def lag_std(self, solved: Solved) -> float:
+        """Return the standard uncertainty [s] of `lag` for given instants and the assumed noise."""
         strings = self._strings_at(solved.risen[0] * solved.risen[1]).reshape(len(self.load), -1)
         columns = np.column_stack([self._free, strings])
-        by_factors = np.zeros(columns.shape[1])
-        for name, part in parts.items():
-            by_factors[list(TERMS).index(name)] = part * TERMS[name]
+        by_factors, names = np.zeros(columns.shape[1]), list(TERMS)
+        by_factors[names.index("F1")] = -TERMS["F1"]
+        by_factors[names.index("v2")] = -TERMS["v2"] / self.slow.inertial
         normal = columns.T @ columns + self.noise**2 * np.eye(columns.shape[1])
-        variance = float(by_factors @ np.linalg.solve(normal, by_factors))
-        return lag, self.noise * math.sqrt(variance)
+        return self.noise * math.sqrt(float(by_factors @ np.linalg.solve(normal, by_factors)))
 
     def rig_deviations(self, plucks: Floats) -> Floats:
         """Return the deviations of plucks from the rig (`Expected.deviations`).

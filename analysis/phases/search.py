@@ -220,7 +220,7 @@ class _Search:
             max(k, 0.0),
             float(np.sqrt(np.mean(fitted.row_residuals**2))),
             1 + fit.term(fitted, "v1"),
-            fit.lag(fitted)[0],
+            fit.lag(fitted),
         )
         return searched, found
 

@@ -11,7 +11,7 @@ from sautereau.analysis.figures.palette import ARM, GRAIN, LASER, PHASES, PRESSE
 from sautereau.analysis.model.key import finger_force
 from sautereau.analysis.model.predict import expected_of, predict
 from sautereau.analysis.results.result import Result, drawing, frame_of, shown
-from sautereau.analysis.text import check_cells, counted, relative_margin, table
+from sautereau.analysis.text import check_cells, counted, listed, relative_margin, table
 from sautereau.rig.quantities import QUANTITIES
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.expected import Expectation
@@ -110,8 +110,8 @@ class Plan(Result):
 
     def expected(
         self,
-        names: Sequence[str],
-        priors: Sequence[str] = (),
+        names: Sequence[str] | str,
+        priors: Sequence[str] | str = (),
         *,
         presses: int = 3,
         speeds: Sequence[str] = (),
@@ -121,7 +121,7 @@ class Plan(Result):
         """Return the uncertainties that a fit to such presses would reach, and rank choices.
 
         Args:
-            names: Parameters to fit, as for `Session.identify`: `["plectrum.overlap"]`.
+            names: Parameters to fit, as for `Session.identify`: `"plectrum.overlap, key.inertia"`.
             priors: Prior knowledge of them, as for `Session.identify`.
             presses: Number of presses.
             speeds: Other speeds of the jack to compare, `"0.03 m/s"`; none: half and twice its
@@ -138,8 +138,8 @@ class Plan(Result):
 
         return expected(
             self.rig,
-            names,
-            priors,
+            listed(names),
+            listed(priors),
             presses=presses,
             speeds=speeds,
             force_noise=force_noise,

@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sautereau.analysis.results.result import part_of
-from sautereau.analysis.text import SOME_SIMULATED, counted
+from sautereau.analysis.text import SOME_SIMULATED, counted, listed
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, Output, has, make_folders
 from sautereau.rig.errors import UsageError
@@ -131,7 +131,7 @@ def effects(
     from sautereau.analysis.results.effects import DEFAULT
     from sautereau.entrance.session import open
 
-    names = [name.strip() for name in of.split(",") if name.strip()] or DEFAULT
+    names = listed(of) or DEFAULT
     with output.progress("reading recordings"):
         session, faults = open(files).readable(processes=None)
     return output.show(session.effects(names, interaction=interaction), plot, faults)

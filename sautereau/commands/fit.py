@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sautereau.analysis.text import SOME_SIMULATED, grouped, remark_lines
+from sautereau.analysis.text import SOME_SIMULATED, grouped, listed, remark_lines
 from sautereau.commands import common
 from sautereau.commands.output import FileOutput, has, make_folders, save_plot
 
@@ -151,7 +151,7 @@ def identify(
     from sautereau.analysis.identify.parameters import check_names, read_prior
     from sautereau.rig.progress import tracked
 
-    names = [name.strip() for name in free.split(",") if name.strip()]
+    names = listed(free)
     with common.options():
         check_names(names, dict(map(read_prior, prior or ())))
     # Only the end shows whether a file of an earlier identification is the one of this command.

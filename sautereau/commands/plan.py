@@ -63,10 +63,9 @@ def plan(
             return output.fail(
                 f"{', '.join(useless)}: not with --identify, which plans no press", 2
             )
-        names = [name.strip() for name in identify.split(",") if name.strip()]
         with output.progress("predicting"):
             expected = _made(rig, None).expected(
-                names,
+                identify,
                 prior or (),
                 presses=presses,
                 speeds=speed or (),

@@ -21,7 +21,7 @@ from sautereau.analysis.results.rig import Rig
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.conditions import analyse, differing, what_is_alike
 from sautereau.analysis.session.difference import side_by_side
-from sautereau.analysis.text import counted
+from sautereau.analysis.text import counted, listed
 from sautereau.daq.file.reading import read_recording
 from sautereau.entrance.found import each, every, recordings_in, recordings_of
 from sautereau.entrance.press_file import PressFile
@@ -193,8 +193,8 @@ class Session(Shown, Sequence[PressFile]):
         """
         own = [p for p in self if p.press and not p.info.warm_up]
         presses, phases = [p.press for p in own], [p.phases for p in own]
-        known = dict(read_prior(text) for text in _listed(priors))
-        made = fit_presses(presses, phases, _listed(names), known, level, starts, robust)
+        known = dict(read_prior(text) for text in listed(priors))
+        made = fit_presses(presses, phases, listed(names), known, level, starts, robust)
         simulated = any(press.simulated for press in presses)
         values = what_is_alike([p.analysed for p in own])
         keys = {key.partition(".")[0] for other in values for key in differing(values[0], other)}
@@ -216,7 +216,7 @@ class Session(Shown, Sequence[PressFile]):
                 separated.
         """
         presses = [press.analysed for press in self]
-        return effects_of(presses, _listed(names), interaction=interaction)
+        return effects_of(presses, listed(names), interaction=interaction)
 
     def report(self, out: str | Path | None = None, *, level: str = "auto") -> "Report":
         """Write one HTML page about the presses, which replaces an earlier one.
@@ -285,11 +285,6 @@ class Session(Shown, Sequence[PressFile]):
         from sautereau.analysis.figures.phases import phases_figure
 
         return shown(phases_figure([p.press for p in self], [p.phases for p in self]))
-
-
-def _listed(names: Sequence[str] | str) -> Sequence[str]:
-    """Return names as a list, also those of one text, as on the command line."""
-    return [name.strip() for name in names.split(",")] if isinstance(names, str) else names
 
 
 def _analysed(path: Path) -> AnalysedPress | None:
