@@ -16,7 +16,7 @@ import numpy as np
 
 from sautereau.analysis.phases.levenberg import minimise, orthonormal
 from sautereau.analysis.phases.release import Release
-from sautereau.analysis.phases.response import Orders, Poles, Response, curves, pole
+from sautereau.analysis.phases.response import Orders, Poles, Response, curves, pole, ringing_in
 from sautereau.analysis.phases.signals import Signals
 from sautereau.trajectory.motion import Floats
 
@@ -92,14 +92,13 @@ class EventFit:
         self._load, self._white, self._good = load / scale, noise / scale, flags == 0
         if signals.missing:
             self._good[("force", "velocity").index(signals.missing)] = False
-        self._table: Poles = np.array(
-            [
-                pole(frequency, damping)
-                for frequency in np.geomspace(120.0, 5000.0, 16)  # Hz
-                if frequency < 0.35 / self._response.step
-                for damping in (0.02, 0.1, 0.4)
-            ]
-        )
+        # Nearer to the event it is unknown whether a row is before it.
+        before, after = np.searchsorted(at, np.array([-1, 1]) * min(float(stds[0]), 0.5e-3))
+        white = self._load * self._good / np.maximum(self._white, 3e-3)
+        ringing = ringing_in([white[:, :before], white[:, after:]], self._response.step)
+        self._modes = np.append(ringing, pole(400.0, 0.4))
+        """1/s, poles of modes that the signals may have: those of their ringing, and one that is
+        too damped to ring."""
         self._set_noise(np.maximum(self._white, 0.03))  # before there are residuals
 
     def _set_noise(self, noise: Floats) -> None:
@@ -157,7 +156,7 @@ class EventFit:
         return (self._noise[:, 0] / self._white[:, 0]) ** 2
 
     def scan(self, instants: Floats, poles: Poles, orders: Orders) -> tuple[Floats, Poles]:
-        """Return chi2 and the best further pole of the table [1/s].
+        """Return chi2 and the best further pole of those of the ringing [1/s].
 
         Args:
             instants: s, of the events; shape (k, events).
@@ -172,7 +171,7 @@ class EventFit:
         residuals, _, base = self._solved(instants, many, orders)
         # A mode's rows of priors are 0, and residuals are orthogonal to the base: products with
         # what the base leaves of a mode need no more than the mode itself and its part in the base.
-        modes = self._columns(instants[:, :1], self._table, orders)[..., curve:]
+        modes = self._columns(instants[:, :1], self._modes, orders)[..., curve:]
         modes = self._weight[..., None] * modes
         a, b = np.split(modes, 2, axis=-1)
         of_a, of_b = np.split((residuals[..., None, :n] @ modes)[..., 0, :], 2, axis=-1)
@@ -188,7 +187,7 @@ class EventFit:
         gain = gain.sum(1)
         far = ((instants - self.expected) / self._stds) ** 2
         chi2 = (residuals**2).sum((1, 2)) + far.sum(1) - gain.max(1)
-        return chi2, self._table[np.argmax(gain, 1)]
+        return chi2, self._modes[np.argmax(gain, 1)]
 
     def refine(self, starts: Sequence[tuple[Floats, Poles]], orders: Orders) -> list[Fitted]:
         """Return the best fits near instants [s] and poles [1/s], with the orders of `scan`.
@@ -364,7 +363,7 @@ def refine_event(
     each = [_mean(fit, fits)]
     if again := fit_of(window, 4):
         again.weigh_as(fit)
-        refined = _refined(again, fits)
+        refined = _refined(again, sorted(fits, key=fit.score)[:6])
         again.weigh(min(refined, key=again.chi2))
         each.append(_mean(again, refined))
     times, variances = np.array(each).T
@@ -383,26 +382,25 @@ def refine_event(
 def _search(fit: EventFit, std: float, modes: int) -> list[Fitted]:
     """Return the fits of a search, after which the noise is that of the best of them.
 
-    Chi2 has several minima, so searches start from the best instant of each of four parts of their
-    range. Each search adds one mode
-    after the other: it selects the mode of a table that reduces the residuals most, and then
-    refines all modes. Those that the mode makes best are continued.
+    Chi2 has several minima, so searches start from the best instant of each half of their range.
+    Each search adds one mode after the other: it selects the mode of the ringing that reduces the
+    residuals most, and then refines all modes.
     """
     tried = np.tile(fit.expected, (20, 1))
     tried[:, 0] = np.linspace(-3, 3, len(tried)) * std
     chains: list[Fitted] = []
     for orders in BEGINS:
         chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
-        best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(len(tried)), 4)]
+        best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(len(tried)), 2)]
         chains += _distinct(fit.refine([(tried[i], poles[i : i + 1]) for i in best], orders))
     fits = [*chains]
     for _ in range(modes - 1):
         fit.weigh(min(chains, key=fit.chi2))
-        further = [(f, *fit.scan(f.instants[None], f.poles, f.orders)) for f in chains]
-        further.sort(key=lambda each: each[1][0] + fit.penalty(each[0]))
-        chains = _distinct(
-            _refined(fit, [replace(f, poles=np.append(f.poles, p)) for f, _, p in further[:4]])
-        )
+        further = [
+            replace(f, poles=np.append(f.poles, fit.scan(f.instants[None], f.poles, f.orders)[1]))
+            for f in chains
+        ]
+        chains = _distinct(_refined(fit, further))
         fits += chains
     fit.weigh(min(chains, key=fit.chi2))
     return fits
@@ -419,14 +417,19 @@ def _refined(fit: EventFit, fits: Iterable[Fitted]) -> list[Fitted]:
     return found
 
 
+def _plausible(fit: EventFit, fits: list[Fitted]) -> list[Fitted]:
+    """Return the fits that are not much worse than the best, by their score, the best first."""
+    fits = sorted(fits, key=fit.score)
+    return [f for f in fits if fit.score(f) < fit.score(fits[0]) + 25]
+
+
 def _mean(fit: EventFit, fits: list[Fitted]) -> tuple[float, float]:
     """Return the mean instant of the plausible fits, refined with the present noise, in s.
 
     Returns:
         The mean, weighted by the Bayesian information criterion, and its variance.
     """
-    least = min(map(fit.score, fits)) + 25
-    fits = _refined(fit, (f for f in sorted(fits, key=fit.score) if fit.score(f) < least))
+    fits = _refined(fit, _plausible(fit, fits))
     scores = np.array([fit.score(f) for f in fits])
     chance = np.exp((scores.min() - scores) / 2)
     chance /= chance.sum()

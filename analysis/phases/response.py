@@ -9,11 +9,13 @@ cloth begins with t. What the event excites is then filtered by the sensors' low
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from sautereau.analysis.phases.signals import LowPass
@@ -31,6 +33,40 @@ def pole(frequency: float, damping: float) -> complex:
     """Return the pole of a mode [1/s] with this frequency [Hz] and damping ratio."""
     turn = 2 * math.pi * frequency
     return complex(-damping * turn, turn * math.sqrt(max(0.0, 1 - damping**2)))
+
+
+def ringing_in(parts: Sequence[Floats], step: float) -> Poles:
+    """Return the poles [1/s] of the modes that ring in parts of signals.
+
+    Sums of exponentials are predicted by the samples before: the vectors of successive samples lie
+    in a subspace that a shift by one sample maps to itself, and the eigenvalues of this map are the
+    modes (ESPRIT: R. Roy and T. Kailath, IEEE Trans. ASSP 37 (1989) 984). What is slower and more
+    damped than ringing belongs to the same subspace and is omitted.
+
+    Args:
+        parts: Signals over their noise without a sudden event, shape (signals, n) each.
+        step: s, of the samples.
+    """
+    size = min(40, max(part.shape[1] for part in parts) // 2)
+    vectors = np.concatenate(
+        [
+            sliding_window_view(signal, len(signal) - size + 1)
+            for part in parts
+            for signal in part
+            if len(signal) > size + 1
+        ],
+        axis=1,
+    )
+    order = min(11, size - 2)  # a parabola and four modes
+    space = np.linalg.svd(vectors, full_matrices=False)[0][:, :order]
+    shifts = np.linalg.eigvals(np.linalg.lstsq(space[:-1], space[1:])[0]).astype(complex)
+    poles = np.log(shifts[np.abs(shifts) > 1e-3]) / step
+    turn = np.abs(poles)
+    damping = -poles.real / turn
+    ringing = (poles.imag > 0) & (turn * step < 0.84 * math.pi) & (turn > 2 * math.pi * 60)
+    ringing &= damping < 0.8
+    damping, turn = np.maximum(damping, 0.005)[ringing], turn[ringing]
+    return turn * (-damping + 1j * np.sqrt(1 - damping**2))
 
 
 @dataclass(frozen=True)

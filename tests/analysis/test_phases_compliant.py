@@ -11,7 +11,7 @@ from benchmarks.independent_phases import judge, random_press
 from benchmarks.simulated import judged_press
 from sautereau.analysis.phases import find_phases
 from sautereau.analysis.phases.event import refine_event
-from sautereau.analysis.phases.response import pole
+from sautereau.analysis.phases.response import pole, ringing_in
 from sautereau.analysis.phases.signals import Signals
 from sautereau.analysis.phases.slow import Slow
 from tests.budget import slow
@@ -142,7 +142,7 @@ def test_contacts_that_may_be_exchanged_are_uncertain(key):
     long = replace(Choir(), clearance=2e-3, overlap=0.35e-3, length=5.5e-3)
     short = replace(Choir(), arm=0.199, clearance=2.3e-3, overlap=0.15e-3)
     conditions = replace(ONE_FACTOR[key], choirs=(long, short), speed=0.08, rise=9e-3, dip=6.5e-3)
-    off = []  # standard uncertainties that each release is off
+    off, stds = [], []  # standard uncertainties that each release is off, and these uncertainties
     for seed in range(5):
         pressed = press(conditions, seed)
         first, last = pressed.truth.plucks
@@ -150,9 +150,10 @@ def test_contacts_that_may_be_exchanged_are_uncertain(key):
         phases = find_phases(judged_press(pressed))
         for held, true in zip(phases.plucks, (first, last), strict=True):
             assert abs(held.contact - true.contact) < 2.5 * held.contact_std < 10e-3
-            assert held.release_std < 0.5e-3
+            stds.append(held.release_std)
             off.append(abs(held.release - true.release) / held.release_std)
         assert any("explain the load as well if they are exchanged" in w for w in phases.warnings)
+    assert np.mean(stds) < 0.4e-3
     assert np.sum(np.array(off) > 2) <= 2  # of 10; 3 or more have a probability of 1 %
     assert max(off) < 3
 
@@ -222,3 +223,20 @@ def test_the_smoothed_derivatives_belong_to_the_smoothed_signal(make_press):
         expected = np.real(turn**order * 1j**order * np.exp(1j * turn * slow.time) * -1j)
         got = slow.smooth(wave, order)[10:-10]
         assert got == pytest.approx(expected[10:-10], abs=0.05 * turn**order)
+
+
+def test_modes_are_found_in_the_ringing_on_both_sides_of_an_event():
+    """Both signals ring in two modes about a parabola; the event changes all amplitudes."""
+    random = np.random.default_rng(3)
+    step, known = 40e-6, np.array([pole(320.0, 0.03), pole(1400.0, 0.08)])
+    parts = []
+    for count in (90, 60):
+        time = step * np.arange(count)[:, None]
+        waves = np.exp(time * known) @ (
+            random.normal(size=(2, 2)) + 1j * random.normal(size=(2, 2))
+        )
+        curves = (time / 4e-3) ** np.arange(3) @ random.normal(size=(3, 2))
+        parts.append((waves.real + curves + random.normal(0, 1e-3, (count, 2))).T / 1e-3)
+    found = ringing_in(parts, step)
+    for each in known:
+        assert np.abs(found - each).min() < 0.01 * abs(each)
