@@ -127,7 +127,7 @@ def judged(good: Quality, fitted: Fit) -> Quality:
             " presses of one plectrum and one set-up (sautereau compare says what changes), and"
             " check that release in a plot of the phases"
         )
-    slow = min(press.release_std for press in presses)
+    slow = float(np.median([press.release_std for press in presses]))
     if slow > SLOW_FALL and not any(p.name.startswith(MODE) for p in fitted.problem.free):
         first.append(
             f"the releases are known to {slow * 1e3:.2g} ms only, but a string's force falls"

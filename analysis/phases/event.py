@@ -25,9 +25,12 @@ BLOCK = 8
 whose noise is estimated by itself."""
 
 
-BEGINS: tuple[Orders, ...] = ((2,), (2, 1))
-"""Powers of time with which force and velocity may begin: t^2, or the velocity with t, as on a key
-whose jack stands on a hard cloth."""
+BEGINS: tuple[Orders, ...] = ((2,), (2, 1), (3,))
+"""Powers of time with which force and velocity may begin: t^2, the velocity with t, as on a key
+whose jack stands on a hard cloth, or t^3, where another spring is between jack and finger."""
+
+
+LOST = 3.0  # Force over its noise below which the finger may have lost the key
 
 
 @dataclass(frozen=True)
@@ -143,17 +146,7 @@ class EventFit:
 
         Rows of the later parts do not count.
         """
-        return float(self._variances.max())
-
-    @property
-    def excess(self) -> float:
-        """Twice the logarithm of the likelihood that is lost to residuals above the white noise."""
-        return float(self._good[:, self._parts[0]].sum(1) @ np.log(self._variances))
-
-    @property
-    def _variances(self) -> Floats:
-        """Variances of residuals of the first part over those of the white noise, shape (2,)."""
-        return (self._noise[:, 0] / self._white[:, 0]) ** 2
+        return float(((self._noise[:, 0] / self._white[:, 0]) ** 2).max())
 
     def scan(self, instants: Floats, poles: Poles, orders: Orders) -> tuple[Floats, Poles]:
         """Return chi2 and the best further pole of those of the ringing [1/s].
@@ -323,11 +316,10 @@ def refine_event(
 ) -> Release:
     """Return the instant of a release, fitted to the samples around it.
 
-    Where modes do not explain them, and no other string rings, fewer samples after the release are
-    fitted if they are explained much better. The motion before the release is a part of slow modes
-    of finger and key, which the polynomial only approximates, and the better fit need not have the
-    better instant: so the fits of degree 2 are refined with degree 4. The instant is the mean over
-    both degrees; their spread is part of its uncertainty.
+    What follows after the finger has lost the key is not fitted. The motion before the release is a
+    part of slow modes of finger and key, which the polynomial only approximates, and the better fit
+    need not have the better instant: so the fits of degree 2 are refined with degree 4. The instant
+    is the mean over both degrees; their spread is part of its uncertainty.
 
     Args:
         near: s after the trigger, approximate instant.
@@ -342,26 +334,26 @@ def refine_event(
         max(after, near - settings.before),
         max(1, round(settings.block * signals.rate)),
     )
-    window, short = ((begin, min(until, near + side)) for side in (settings.after, settings.short))
+    first, middle = signals.sample(begin), signals.sample(near)
+    least = LOST * signals.force_noise
+    lost = np.flatnonzero(signals.force[middle:] < least)
+    if len(lost) and signals.force[first : middle + 1].mean() > least:
+        until = min(until, float(signals.time[middle + lost[0]]))
+    end = min(until, near + settings.after)
 
-    def fit_of(window: tuple[float, float], degree: int) -> EventFit | None:
-        begin, end = window
+    def fit_of(degree: int) -> EventFit | None:
         stretch = max(0, signals.sample(begin)), min(len(signals.time), signals.sample(end))
         if (stretch[1] - stretch[0]) // samples < 24:
             return None
         events = np.array([near, *(t for t in others if begin < t < end)])
         return EventFit(signals, stretch, samples, events, np.full(len(events), std), degree)
 
-    fit = fit_of(window, 2)
+    fit = fit_of(2)
     if fit is None:
         return Release(near, std, force, 0.1 * force, 0.0, 0.0, math.inf)
     fits = _search(fit, std, settings.modes)
-    if fit.excess >= 100 and not others and (sooner := fit_of(short, 2)):
-        found = _search(sooner, std, settings.modes)
-        if 3 * sooner.excess < fit.excess:
-            fit, fits, window = sooner, found, short
     each = [_mean(fit, fits)]
-    if again := fit_of(window, 4):
+    if again := fit_of(4):
         again.weigh_as(fit)
         refined = _refined(again, sorted(fits, key=fit.score)[:6])
         again.weigh(min(refined, key=again.chi2))
@@ -384,7 +376,7 @@ def _search(fit: EventFit, std: float, modes: int) -> list[Fitted]:
 
     Chi2 has several minima, so searches start from the best instant of each half of their range.
     Each search adds one mode after the other: it selects the mode of the ringing that reduces the
-    residuals most, and then refines all modes.
+    residuals most, and then refines all modes. Those that the mode makes best are continued.
     """
     tried = np.tile(fit.expected, (20, 1))
     tried[:, 0] = np.linspace(-3, 3, len(tried)) * std
@@ -396,11 +388,11 @@ def _search(fit: EventFit, std: float, modes: int) -> list[Fitted]:
     fits = [*chains]
     for _ in range(modes - 1):
         fit.weigh(min(chains, key=fit.chi2))
-        further = [
-            replace(f, poles=np.append(f.poles, fit.scan(f.instants[None], f.poles, f.orders)[1]))
-            for f in chains
-        ]
-        chains = _distinct(_refined(fit, further))
+        further = [(f, *fit.scan(f.instants[None], f.poles, f.orders)) for f in chains]
+        further.sort(key=lambda each: each[1][0] + fit.penalty(each[0]))
+        chains = _distinct(
+            _refined(fit, [replace(f, poles=np.append(f.poles, p)) for f, _, p in further[:4]])
+        )
         fits += chains
     fit.weigh(min(chains, key=fit.chi2))
     return fits

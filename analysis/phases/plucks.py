@@ -20,6 +20,8 @@ from sautereau.analysis.phases.signals import Signals
 SETTLED = 3  # Rows from a release to the earliest contact with the next string
 NEGLIGIBLE = 0.2e-3  # s, standard uncertainty of a contact that is no worse than elsewhere
 RINGING = 8.0  # Variance of the residuals over the noise at a release above which modes are fitted
+HIDING = 400.0
+"""Reduction of chi2 by a step, compared with a bend, up to which noise may hide ringing."""
 LAG_STD = 0.2e-3
 """s, standard uncertainty of the lag in a search: vibration of compliant keys makes it 0.6 ms or
 more in 4 % of presses without one."""
@@ -64,12 +66,15 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     before = _place(signals, min(begin, last + margin))
     rest = _at_rest(signals, first, last)
     found = _rigid_plucks(strings, signals, rows, rest, begin, before)
-    rigid = _explained(found, signals, strings, begin, end)
+    rigid = _explained(found, signals.settings, strings)
+    # The key or its jack gives way where a release rings: both instants are then late.
     clear = rigid is not None and all(
-        contact.noise < GOOD or contact.std < NEGLIGIBLE for contact, _ in rigid.plucks
+        (contact.noise < GOOD or contact.std < NEGLIGIBLE)
+        and not (resolved(signals, release.time) and _rings(signals, release, contact.noise))
+        for contact, release in rigid.plucks
     )
     if rigid is not None and clear and len(found) >= len(strings.contacts):
-        return rigid
+        return _refined(rigid, signals, strings, begin, end)
     left, rms, missed = unexplained(strings, rest, rows, before)
     # A jack that climbed half as far as a pluck needs.
     reached = strings.contacts + strings.climbs / 2 < signals.rise[end]
@@ -82,7 +87,7 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     if compliant is not None:
         return compliant
     if rigid is not None:
-        return rigid
+        return _refined(rigid, signals, strings, begin, end)
     if found and _noise(found) < BENT:
         return Found(
             [_with_residual(signals.settings, c, r) for c, r in found], Fit("rigid", _noise(found))
@@ -165,7 +170,7 @@ def _with_force(contact: Contact, release: Release) -> Release:
 
 
 def _explained(
-    found: list[tuple[Contact, Release]], signals: Signals, strings: Expected, begin: int, end: int
+    found: list[tuple[Contact, Release]], settings: PhaseSettings, strings: Expected
 ) -> Found | None:
     """Return the plucks of a rigid key if it explains the load, else None."""
     if not found:
@@ -178,17 +183,28 @@ def _explained(
     typical = max if surplus else min
     # With hardly any noise, residuals that shift no contact by much exceed it as well.
     negligible = typical(c.noise for c, _ in found) >= GOOD
-    ends = float(signals.time[begin]), float(signals.time[end])
     exact = [
-        _with_residual(signals.settings, c, r) if negligible or c.noise > GOOD else (c, r)
-        for c, r in found
+        _with_residual(settings, c, r) if negligible or c.noise > GOOD else (c, r) for c, r in found
     ]
     if negligible and not all(c.std < NEGLIGIBLE for c, _ in exact):
         return None
-    exact = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in exact]
-    lag, std = lag_of(strings, signals, (begin, end), exact)
-    key = {"inertia": 1 + found[0][0].inertia, "lag": lag, "lag_std": std}
-    return Found(exact, Fit("rigid", _noise(exact), negligible=negligible, **key))
+    return Found(exact, Fit("rigid", 1.0, negligible=negligible, inertia=1 + found[0][0].inertia))
+
+
+def _refined(rigid: Found, signals: Signals, strings: Expected, begin: int, end: int) -> Found:
+    """Return plucks of a rigid key, their releases fitted with modes where necessary."""
+    ends = float(signals.time[begin]), float(signals.time[end])
+    plucks = [(c, _with_modes(signals, r, c.noise, ends)) for c, r in rigid.plucks]
+    lag, std = lag_of(strings, signals, (begin, end), plucks)
+    fit = replace(rigid.fit, noise=_noise(plucks), lag=lag, lag_std=std)
+    return Found(plucks, fit, rigid.further)
+
+
+def _rings(signals: Signals, release: Release, noise: float) -> bool:
+    """Return whether a release's residuals exceed those at its contact, where nothing rings."""
+    # 1.8 is six standard deviations above 1.
+    least = min(RINGING, max(1.8, noise)) if resolved(signals, release.time) else RINGING
+    return release.noise >= least
 
 
 def _with_modes(
@@ -196,16 +212,24 @@ def _with_modes(
 ) -> Release:
     """Return a release, fitted with the modes that it excites if a step does not explain it.
 
-    This is so where its residuals exceed those at the contact, where nothing rings, and where a
-    slow low-pass makes a curve of the step.
+    This is so where it rings, and where a slow low-pass makes a curve of the step. A step that is
+    hardly above the noise may hide modes, which would make it late by up to half a millisecond: the
+    instant is then the mean over both fits, and their spread is part of its uncertainty.
     """
-    # 1.8 is six standard deviations above 1.
-    least = min(RINGING, max(1.8, noise)) if resolved(signals, release.time) else RINGING
-    if release.noise < least and not any(signals.low_passes):
+    evident = _rings(signals, release, noise) or any(signals.low_passes)
+    if not evident and (release.gain > HIDING or not resolved(signals, release.time)):
         return release
-    found = refine_event(signals, release.time, 0.7e-3, release.fall, *ends)
+    near = 0.7e-3 if evident else signals.settings.near
+    found = refine_event(signals, release.time, near, release.fall, *ends)
     # The residuals of both signals, unlike those of the load, contain the inertia of a rigid key.
-    return replace(release, time=found.time, std=found.std, noise=min(found.noise, release.noise))
+    lower = min(found.noise, release.noise)
+    if evident:
+        return replace(release, time=found.time, std=found.std, noise=lower)
+    apart = found.time - release.time
+    if abs(apart) > 3 * near:  # more than a mode delays it
+        return release
+    std = math.hypot(max(found.std, release.std), apart / 2)
+    return replace(release, time=release.time + apart / 2, std=std)
 
 
 def _noise(found: list[tuple[Contact, Release]]) -> float:

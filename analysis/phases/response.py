@@ -196,7 +196,7 @@ def curves(orders: Orders) -> int:
 
 
 def _powers(orders: Orders) -> NDArray[np.int64]:
-    return np.arange(min(orders), CURVE + 1)
+    return np.arange(min(orders), max(CURVE, *orders) + 1)
 
 
 def _without(terms: int, waves: Poles, z: Poles) -> Poles:

@@ -103,8 +103,6 @@ class PhaseSettings:
     """s, of signal before a release that is part of its fit (1 to 10 ms)."""
     after: float = 2.5e-3
     """s, the same after it (1 to 10 ms): modes change as the jack leaves its cloth."""
-    short: float = 1e-3
-    """s, the same where modes do not explain this, as the release throws the jack off its cloth."""
     modes: int = 3
     """Most modes of the fit of a release (1 to 5)."""
     near: float = 0.25e-3

@@ -83,14 +83,12 @@ def test_one_imperfection_at_a_time(name, contact, release):
     "name",
     ["jack on cloth of 400 kN/m", *map(slow, ("transducer rings at 1 kHz", "sampled at 10 kHz"))],
 )
-def test_the_force_drop_of_a_rigid_key_that_rings_is_that_of_the_string(name):
+def test_the_force_drop_of_a_stiff_key_that_rings_is_that_of_the_string(name):
     conditions = ONE_FACTOR[name]
     pressed = press(conditions, 1)
     phases = find_phases(judged_press(pressed))
     (held,), (true,) = phases.plucks, pressed.truth.plucks
     drop = true.release_force * conditions.choirs[0].arm / conditions.press_arm
-    assert phases.fit is not None
-    assert phases.fit.model == "rigid"
     assert held.force_drop == pytest.approx(drop, rel=0.02)
     assert abs(held.force_drop - drop) < 2 * held.force_drop_std < 0.06 * drop
 
@@ -127,12 +125,16 @@ def two_strings(first, second):
     ids=["felt close behind the strings", "key swings back between two releases"],
 )
 def test_what_follows_a_release_disturbs_no_pluck(changes):
-    found = judge(replace(ONE_FACTOR["key heaves at 120 Hz"], **changes), 0)
-    assert found.right
-    assert found.phases.fit is not None
-    assert found.phases.fit.verdict == "fair"
-    assert np.abs(found.errors[:, 0]).max() < 0.6e-3
-    assert np.abs(found.errors[:, 1]).max() < 0.1e-3
+    errors = []
+    for seed in range(3):
+        found = judge(replace(ONE_FACTOR["key heaves at 120 Hz"], **changes), seed)
+        assert found.right
+        assert found.phases.fit is not None
+        assert found.phases.fit.verdict == "fair"
+        assert np.abs(found.errors[:, 0]).max() < 0.6e-3
+        errors.append(np.abs(found.errors[:, 1]))
+    assert np.mean(errors) < 0.05e-3
+    assert np.max(errors) < 0.15e-3
 
 
 @pytest.mark.slow
@@ -223,6 +225,34 @@ def test_the_smoothed_derivatives_belong_to_the_smoothed_signal(make_press):
         expected = np.real(turn**order * 1j**order * np.exp(1j * turn * slow.time) * -1j)
         got = slow.smooth(wave, order)[10:-10]
         assert got == pytest.approx(expected[10:-10], abs=0.05 * turn**order)
+
+
+@pytest.mark.parametrize("bending", [700.0, 900.0, 1200.0])  # Hz
+def test_an_event_behind_a_spring_that_throws_off_the_finger(bending):
+    """The jack's half of a key is released; finger and laser are at the other half."""
+    rate, noise, instant, fine = 50e3, (5e-3, 5e-5), 6.0123e-3, 20
+    masses, stiff = (0.012, 0.0215), (2 * np.pi * bending) ** 2 * 0.006
+    pad, load = 1e5, np.array([0.1, 0.7])  # N/m; N, of key and string
+    speed, place, force, velocity = np.zeros(2), -load.sum() / pad * np.ones(2), [], []
+    place[1] -= load.sum() / stiff
+    for step in range(600 * fine):
+        finger = max(0.0, -pad * place[0])
+        if step % fine == 0:
+            force.append(finger)
+            velocity.append(0.03 + speed[0] / 2)
+        bent = stiff * (place[0] - place[1]) + 2.0 * (speed[0] - speed[1])
+        held = load.sum() if step < instant * rate * fine else load[0]
+        speed += np.array([finger - bent, bent - held]) / masses / rate / fine
+        place += speed / rate / fine
+    random = np.random.default_rng(0)
+    signals = signals_around(
+        np.array(force) + noise[0] * random.standard_normal(600),
+        np.array(velocity) + noise[1] * random.standard_normal(600),
+        *(rate, noise),
+    )
+    found = refine_event(signals, instant + 0.2e-3, 0.7e-3, 0.7, 0.0, signals.time[-1])
+    assert min(force) == 0.0
+    assert abs(found.time - instant) < min(60e-6, 2 * found.std)
 
 
 def test_modes_are_found_in_the_ringing_on_both_sides_of_an_event():
