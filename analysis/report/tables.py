@@ -20,11 +20,8 @@ from sautereau.analysis.press.features import (
     title_of,
 )
 from sautereau.analysis.report.contents import PressRecord
-from sautereau.analysis.results.comparison import feature_cells
-from sautereau.analysis.results.comparison import repeatability_rows as rows_of_repeatability
 from sautereau.analysis.results.prediction import Written, read_part
-from sautereau.analysis.session.conditions import Condition, SessionAnalysis
-from sautereau.analysis.session.repeatability import Repeatability
+from sautereau.analysis.session.conditions import SessionAnalysis
 from sautereau.analysis.text import counted, in_rig_units
 from sautereau.rig.quantities import QUANTITIES
 
@@ -134,24 +131,6 @@ def courses(presses: Sequence[PressRecord]) -> list[Course]:
         if any(value is not None for value in values):
             found.append(Course(title_of(name, strings), values, shown))
     return found
-
-
-def compared_rows(found: Condition[PressRecord]) -> list[tuple[str, ...]]:
-    """Return feature, mean, its interval, the model's value and the number of presses."""
-    strings = string_names(found.rig)
-    return [
-        (*feature_cells(one, strings), str(one.presses))
-        for one in found.features
-        if one.predicted is not None
-    ]
-
-
-def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:
-    """Return quantity, value and interval of the figures of ISO 9283 and of the drifts."""
-    return [
-        (label if significant else f"{label}, not significant", value, interval)
-        for label, value, interval, significant in rows_of_repeatability(found)
-    ]
 
 
 PATTERN = "fit*.json"  # Names of their files in the session's folder

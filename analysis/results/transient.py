@@ -117,11 +117,9 @@ class Transient(Result):
 
 def _mode(observed: ObservedMode) -> dict[str, Any]:
     mode = observed.mode
-    channels, amplitudes = (
-        {},
-        zip(mode.amplitude.tolist(), mode.amplitude_std.tolist(), strict=True),
-    )
-    for name, (value, std) in zip(("force", "velocity"), amplitudes, strict=True):
+    names, channels = ("force", "velocity"), {}
+    amplitudes = mode.amplitude.tolist(), mode.amplitude_std.tolist()
+    for name, value, std in zip(names, *amplitudes, strict=True):
         size, phase = cmath.polar(value)
         channels[name] = {
             "amplitude": size,
