@@ -38,15 +38,9 @@ SHAPE_STD = 0.4  # Prior standard uncertainty of u and of v
 WEIGHT_STD = 1.5  # Prior standard uncertainty of r
 RINGING_STD = 0.3  # Prior standard uncertainty of the ringing amplitudes (N)
 CLOTH_STD = 1e-5  # Prior std of the compliance under the jack of a compliant key (m/N)
-LOWEST = 60.0  # Lower bound of the frequencies (Hz)
-HIGHEST = 3000.0  # Upper bound of the frequencies (Hz)
-LEAST_DAMPING = 5e-3  # Lower bound of the damping ratios: that of wood without felt
 LARGEST_STEP = 0.45 * np.pi  # Largest w T / 2 of a step T with an exact frequency
 LEAST_PERIODS = 4.0  # Smallest number of periods of a mode in a press
-CLOSE = 1.15  # Ratio of two frequencies below which the modes are too close to be separated
 MOST = 3  # Largest number of modes
-BAND = 2.0  # Highest frequency that passes the smoothing, times the width of the window
-POINTS = 400  # Number of frequencies up to it at which the noise gain is computed
 
 
 @dataclass(frozen=True)
@@ -92,8 +86,10 @@ def mode_parameters(
     frequency, damping = start.frequency, start.damping
     known = stds or (frequency / 2, 0.2)
     bounds = {
-        "frequency": (max(LOWEST, frequency / 2), min(HIGHEST, frequency * 2), frequency, known[0]),
-        "damping": (LEAST_DAMPING, 0.9, damping, known[1]),
+        # Between 60 Hz and 3 kHz.
+        "frequency": (max(60.0, frequency / 2), min(3000.0, frequency * 2), frequency, known[0]),
+        # The least damping is that of wood without felt.
+        "damping": (5e-3, 0.9, damping, known[1]),
         "weight": (-10.0, 10.0, 0.0, WEIGHT_STD),
         "jack_by_finger": (-12.0, 12.0, start.jack_by_finger, SHAPE_STD),
         "jack_by_laser": (-12.0, 12.0, start.jack_by_laser, SHAPE_STD),
@@ -115,7 +111,8 @@ def noise_gain(modes: Sequence[Mode], record: float) -> float:
     """
     if not modes:
         return 1.0
-    turn = np.linspace(0.0, 2 * np.pi * BAND / WINDOW, POINTS)[1:]
+    # 400 frequencies up to the highest that passes the smoothing, 2 over the width of the window.
+    turn = np.linspace(0.0, 2 * np.pi * 2.0 / WINDOW, 400)[1:]
     x = turn * WINDOW / 2
     smoothing = (3 * (np.sin(x) - x * np.cos(x)) / x**3) ** 2
     gain = np.ones(len(turn), complex)
@@ -134,7 +131,8 @@ def shortest_record(presses: Sequence[Observed]) -> float:
 def close_modes(values: Mapping[str, float]) -> bool:
     """Return whether two modes among the values are too close to be separated."""
     frequencies = sorted(mode.frequency for mode in modes_of(values))
-    return any(high < CLOSE * low for low, high in pairwise(frequencies))
+    # Modes at frequencies of a smaller ratio cannot be separated.
+    return any(high < 1.15 * low for low, high in pairwise(frequencies))
 
 
 def doubtful_modes(

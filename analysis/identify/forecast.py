@@ -55,7 +55,6 @@ from sautereau.trajectory.timing import press_law
 
 DRAWS = 4  # Instruments: on the packaged rig 16 change the means by at most 6 %
 REST = 2 * (MIN_REST + TURN_MARGIN)  # s, before and after the motion, for the noise at rest
-ITERATIONS = 3  # Of string and bending: the string's force hardly depends on the bending
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,8 @@ def planned_press(
     arms = np.array([choir.jack_arm for choir in every])
     pushing, force = np.zeros((len(every), len(time))), np.zeros(len(time))
     bent, extra = np.zeros((3, len(time))), np.zeros(len(time))
-    for _ in range(ITERATIONS if modes else 1):
+    # Of string and bending: the string's force hardly depends on the bending.
+    for _ in range(3 if modes else 1):
         # The same rise of the first jack has the same force.
         rise = rise_of_angle(key, angle.position) + key.jack_arm * extra
         for k, (push, choir) in enumerate(zip(pushing, every, strict=True)):

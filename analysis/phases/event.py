@@ -25,11 +25,6 @@ BLOCK = 8
 whose noise is estimated by itself."""
 
 
-BEGINS: tuple[Orders, ...] = ((2,), (2, 1))
-"""Powers of time with which force and velocity may begin: t^2, or the velocity with t, as on a key
-whose jack stands on a hard cloth."""
-
-
 @dataclass(frozen=True)
 class Fitted:
     """A fit with a number of modes."""
@@ -391,7 +386,9 @@ def _search(fit: EventFit, std: float, modes: int) -> list[Fitted]:
     tried = np.tile(fit.expected, (20, 1))
     tried[:, 0] = np.linspace(-3, 3, len(tried)) * std
     chains: list[Fitted] = []
-    for orders in BEGINS:
+    # Force and velocity may begin as t^2, or the velocity as t, as on a key whose jack stands on a
+    # hard cloth.
+    for orders in ((2,), (2, 1)):
         chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
         best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(len(tried)), 4)]
         chains += _distinct(fit.refine([(tried[i], poles[i : i + 1]) for i in best], orders))

@@ -120,8 +120,6 @@ AGAIN = "more presses at the same speed: a mode of the bench returns at the same
 
 FULL = (20.0, 20000.0)  # Range of a frequency about which nothing is known (Hz)
 ODD = 0.05  # Weight of `FULL` in every source, and of its `band` beside a measured mode
-STRING_STD = 0.03  # Relative standard uncertainty of a string's frequency
-MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Frequencies of mains hum (Hz)
 FLEXIBLE_PART = 0.25  # Probability that the key bends or heaves under an oscillating finger
 HIGHEST = 8e3  # Hz, of a string's partials, whose weight is 1 / f^2, as for a bent string
 
@@ -189,12 +187,10 @@ def _frequency(
     frequency, doubt = found.frequency, found.frequency_std / found.frequency
     anywhere = 1 / log(FULL[1] / FULL[0])
     if source is Source.STRING:
-        held, free = (
-            _partials(frequency, each, STRING_STD, doubt, 1 / each**2) for each in strings
-        )
+        held, free = (_partials(frequency, each, 0.03, doubt, 1 / each**2) for each in strings)
         likely = 0.8 * held + 0.2 * free
     elif source is Source.MAINS:
-        return _partials(frequency, MAINS, 0.004, doubt)
+        return _partials(frequency, (50.0, 60.0, 100.0, 120.0, 150.0, 180.0), 0.004, doubt)
     else:
         low, high = MODELS[source].band or FULL
         likely = 1 / log(high / low) if low <= frequency <= high else 0.0
