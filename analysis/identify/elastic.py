@@ -163,55 +163,54 @@ def doubtful_modes(
     return reasons
 
 
-class Bending:
-    """The response of the modes in presses.
+def driven(
+    modes: Sequence[Mode], presses: Stacked, lag: float, gain: float, arm: float
+) -> list[Floats]:
+    """Return the moments of the finger, and of the ringing, as modes respond to them.
 
     Args:
         lag: s, delay of the force after the motion.
         gain: True force divided by measured force.
         arm: m, lever arm of the finger.
-        inertia: kg m^2, inertia of the key with its jacks.
+
+    Returns:
+        N m, of each mode at `substep_time`, with the first two derivatives; shape
+        (3, presses, n) each.
     """
+    return [
+        np.tensordot(
+            [arm * gain, arm * mode.cosine, arm * mode.sine],
+            _driven(presses, mode.frequency, mode.damping, lag),
+            1,
+        )
+        for mode in modes
+    ]
 
-    def __init__(
-        self,
-        modes: Sequence[Mode],
-        presses: Stacked,
-        lag: float,
-        gain: float,
-        arm: float,
-        inertia: float,
-    ):
-        self.modes, self._step = modes, presses.step
-        self._stiffnesses = [inertia * (2 * np.pi * mode.frequency) ** 2 for mode in modes]
-        self._by_finger = [
-            np.tensordot(
-                [arm * gain, arm * mode.cosine, arm * mode.sine],
-                _driven(presses, mode.frequency, mode.damping, lag),
-                1,
-            )
-            for mode in modes
-        ]
 
-    def by(self, strings: Floats) -> tuple[Floats, Floats]:
-        """Return what the modes add to the measured angle and to the rise of a jack.
+def bending(
+    modes: Sequence[Mode], inertia: float, fingers: Sequence[Floats], strings: Floats, step: float
+) -> tuple[Floats, Floats]:
+    """Return what modes add to the angle at the laser and to the rise of a jack.
 
-        Args:
-            strings: N m, moment of the strings about the pin at `substep_time`; shape
-                (presses, n).
+    Args:
+        inertia: kg m^2, of the key with its jacks.
+        fingers: N m, moment of the finger about the pin as each mode responds to it, with the first
+            two derivatives; shape (3, ..., n) each.
+        strings: N m, moment of the strings about the pin; shape (..., n).
+        step: s, between their values.
 
-        Returns:
-            The angle [rad] with its first two derivatives, shape (3, presses, n); and the rise of
-            a jack divided by its lever arm [rad], shape (presses, n).
-        """
-        angle, rise = np.zeros((3, *strings.shape)), np.zeros(strings.shape)
-        every = zip(self.modes, self._stiffnesses, self._by_finger, strict=True)
-        for mode, stiffness, finger in every:
-            by_strings = oscillation(strings, mode.frequency, mode.damping, self._step)
-            own = (finger - mode.jack_by_finger * by_strings) * (mode.weight / stiffness)
-            angle += own
-            rise += mode.jack_by_laser * own[0]
-        return angle, rise
+    Returns:
+        The angle [rad] with its first two derivatives, shape (3, ..., n); and the rise of a jack
+        divided by its lever arm [rad], shape (..., n).
+    """
+    angle, rise = np.zeros((3, *strings.shape)), np.zeros(strings.shape)
+    for mode, finger in zip(modes, fingers, strict=True):
+        stiffness = inertia * (2 * np.pi * mode.frequency) ** 2
+        by_strings = oscillation(strings, mode.frequency, mode.damping, step)
+        own = (finger - mode.jack_by_finger * by_strings) * (mode.weight / stiffness)
+        angle += own
+        rise += mode.jack_by_laser * own[0]
+    return angle, rise
 
 
 @lru_cache(maxsize=8)

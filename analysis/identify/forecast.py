@@ -17,6 +17,7 @@ from sautereau.analysis.identify.elastic import (
     SHAPES,
     WEIGHT_STD,
     Mode,
+    bending,
     mode_parameters,
     oscillation,
 )
@@ -113,15 +114,9 @@ def planned_press(
                 height = rise_of_angle(key_of(truth, choir), angle.position)
                 push -= damper.stiffness * np.maximum(damper.lift - height, 0.0)
         force = finger_force(truth, angle, pushing)
-        bent, extra = np.zeros((3, len(time))), np.zeros(len(time))
-        moments = key.press_arm * (force - force[0]), arms @ (pushing - pushing[:, :1])
-        for m in modes:
-            by_finger, by_strings = (
-                oscillation(moment, m.frequency, m.damping, 1 / rate) for moment in moments
-            )
-            stiffness = moving_inertia(truth) * (2 * np.pi * m.frequency) ** 2
-            own = (by_finger - m.jack_by_finger * by_strings) * (m.weight / stiffness)
-            bent, extra = bent + own, extra + m.jack_by_laser * own[0]
+        finger, strings = key.press_arm * (force - force[0]), arms @ (pushing - pushing[:, :1])
+        fingers = [oscillation(finger, m.frequency, m.damping, 1 / rate) for m in modes]
+        bent, extra = bending(modes, moving_inertia(truth), fingers, strings, 1 / rate)
     random = np.random.default_rng(0)
     velocity = key.laser_arm * (angle.velocity + bent[1])
     velocity = velocity + noise.velocity * random.standard_normal(len(time))

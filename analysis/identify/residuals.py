@@ -266,13 +266,14 @@ def _state(
     risen = [rise_of_angle(string.key, angle) for string in strings]
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
     inertia, gain = moving_inertia(rig), values.get(parameters.FORCE_GAIN, 1.0)
-    bending = elastic.Bending(modes, rows, lag, gain, _finger_arm(rig), inertia)
+    fingers = elastic.driven(modes, rows, lag, gain, _finger_arm(rig))
     bent, rise = np.zeros((3, *angle.shape)), np.zeros(angle.shape)
     before = pushing = np.zeros((len(strings), *angle.shape))
     # Iterations of the strings' forces; 2 leave 1 standard uncertainty at 96 Hz.
     for iteration in range(1 + 3 * bool(modes or cloth)):
         if modes and iteration:
-            bent, rise = bending.by(np.tensordot(arms, pushing - pushing[..., :1], 1))
+            moment = np.tensordot(arms, pushing - pushing[..., :1], 1)
+            bent, rise = elastic.bending(modes, inertia, fingers, moment, rows.step)
             risen = [
                 rise_of_angle(string.key, angle - bent[0]) + string.choir.jack_arm * rise
                 for string in strings
