@@ -8,7 +8,7 @@ simulated presses. docs/transient.md explains them.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from math import degrees, exp, log, log10, pi, sqrt
+from math import degrees, exp, isnan, log, log10, pi, sqrt
 
 import numpy as np
 from scipy.optimize import brentq
@@ -17,6 +17,7 @@ from scipy.stats import norm
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.transient.evidence import PHASES, ObservedMode, Oscillation
 from sautereau.analysis.transient.modes import MOST_DAMPING
+from sautereau.rig.disk import table_beside
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -60,44 +61,20 @@ class SourceModel:
     phase. Otherwise every phase is equally probable."""
 
 
-MODELS = {
-    Source.STRING: SourceModel(
-        prior=0.2, seen=(0.01, 0.03, 0.85, 0.05), ratio=-0.1, ratio_std=0.6, damping_std=0.02
-    ),
-    Source.KEY: SourceModel(
-        prior=0.2,
-        seen=(0.05, 0.6, 0.75, 0.85),
-        ratio=-0.2,
-        ratio_std=0.7,
-        band=(60.0, 4000.0),
-        in_phase=0.8,
-    ),
-    Source.FINGER: SourceModel(
-        prior=0.2,
-        seen=(0.1, 0.7, 0.75, 0.75),
-        ratio=0.0,
-        ratio_std=0.12,
-        band=(20.0, 2000.0),
-        in_phase=0.95,
-    ),
-    Source.TRANSDUCER: SourceModel(
-        prior=0.2, seen=(0.05, 0.5, 0.6, 0.7), ratio=1.0, ratio_std=0.4, band=(700.0, 20000.0)
-    ),
-    Source.MAINS: SourceModel(
-        prior=0.1, seen=(0.98, 0.95, 0.95, 0.95), ratio=1.0, ratio_std=1.0, damping_std=0.002
-    ),
-    Source.STEADY: SourceModel(
-        prior=0.02,
-        seen=(0.98, 0.95, 0.95, 0.95),
-        ratio=0.0,
-        ratio_std=1.0,
-        band=(20.0, 20000.0),
-        damping_std=0.002,
-    ),
-    Source.OTHER: SourceModel(
-        prior=0.1, seen=(0.2, 0.3, 0.3, 0.3), ratio=0.0, ratio_std=0.8, band=(20.0, 20000.0)
-    ),
-}
+MODELS: dict[Source, SourceModel] = {}  # By attribute.csv, where an empty cell is nothing
+for _source, *_cells in table_beside(__file__):
+    _prior, *_seen, _ratio, _std, _low, _high, _damping, _in_phase = (
+        float(cell or "nan") for cell in _cells
+    )
+    MODELS[Source(_source)] = SourceModel(
+        _prior,
+        (_seen[0], _seen[1], _seen[2], _seen[3]),
+        _ratio,
+        _std,
+        None if isnan(_low) else (_low, _high),
+        None if isnan(_damping) else _damping,
+        _in_phase,
+    )
 DECIDING_PRESS = {
     frozenset({Source.STRING, Source.KEY}): "the same press with the string muted by felt: a mode"
     " of the string disappears or moves, one of the key stays",
