@@ -23,27 +23,12 @@ from sautereau.analysis.report.contents import PressRecord
 from sautereau.analysis.results.prediction import Written, read_part
 from sautereau.analysis.session.conditions import SessionAnalysis
 from sautereau.analysis.text import counted, in_rig_units
+from sautereau.rig.disk import table_beside
 from sautereau.rig.quantities import QUANTITIES
 
 NONE = "–"
-DIGITS = {
-    "plucks": 0,
-    "free_speed": 5,
-    "held_speed_mean": 5,
-    "held_speed_min": 5,
-    "held_speed_max": 5,
-    "held_speed_error": 2,
-    "contact": 3,
-    "release": 3,
-    "pluck_duration": 3,
-    "contact_force": 4,
-    "release_force": 4,
-    "peak_force": 4,
-    "force_drop": 4,
-    "force_slope": 4,
-    "held_work": 1,
-    "press_work": 1,
-}  # Features in the table, in their order, with their decimal places
+DIGITS = {name: int(decimals) for name, decimals in table_beside(__file__)}
+"""Features in the table, in their order, with their decimal places."""
 LATER = ("contact", "release", "pluck_duration", "release_force", "force_drop")
 """Features in the table of the second and later strings as well."""
 COURSE = ("held_speed_mean", "held_speed_error", "pluck_duration", "release_force")

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import degrees, exp, isnan, log, log10, pi, sqrt
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
@@ -76,18 +77,8 @@ for _source, *_cells in table_beside(__file__):
         _in_phase,
     )
 DECIDING_PRESS = {
-    frozenset({Source.STRING, Source.KEY}): "the same press with the string muted by felt: a mode"
-    " of the string disappears or moves, one of the key stays",
-    frozenset({Source.STRING, Source.FINGER}): "a press at another jack speed with the string"
-    " muted: the string's frequency does not depend on the speed and disappears with the felt",
-    frozenset({Source.STRING, Source.TRANSDUCER}): "the same press with the string muted: a mode"
-    " of the transducer stays",
-    frozenset({Source.KEY, Source.FINGER}): "a tap on the resting key, with the finger away from"
-    " it: only modes of the key remain",
-    frozenset({Source.KEY, Source.TRANSDUCER}): "a tap on the resting key, with the finger away"
-    " from it: only the velocity shows a mode of the key",
-    frozenset({Source.FINGER, Source.TRANSDUCER}): "a tap on the fingertip in the air: only the"
-    " transducer's own mode remains",
+    frozenset({Source(source), Source(other)}): press
+    for source, other, press in table_beside(Path(__file__).with_name("deciding"))
 }  # Which press would decide between two sources
 HUM = "a recording at rest with the drives off: only hum and steady tones remain"
 """Which recording would decide between them and another source."""
