@@ -137,13 +137,7 @@ class Plan(Result):
         from sautereau.analysis.results.expected import expected
 
         return expected(
-            self.rig,
-            listed(names),
-            listed(priors),
-            presses=presses,
-            speeds=speeds,
-            force_noise=force_noise,
-            velocity_noise=velocity_noise,
+            self.rig, listed(names), listed(priors), presses, speeds, force_noise, velocity_noise
         )
 
     def to_frame(self) -> "pd.DataFrame":
