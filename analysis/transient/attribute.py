@@ -62,20 +62,24 @@ class SourceModel:
     phase. Otherwise every phase is equally probable."""
 
 
-MODELS: dict[Source, SourceModel] = {}  # By attribute.csv, where an empty cell is nothing
-for _source, *_cells in table_beside(__file__):
-    _prior, *_seen, _ratio, _std, _low, _high, _damping, _in_phase = (
-        float(cell or "nan") for cell in _cells
+def _model(cells: Sequence[str]) -> SourceModel:
+    """Return the model of one line of attribute.csv, where an empty cell is nothing."""
+    prior, *seen, ratio, ratio_std, low, high, damping_std, in_phase = (
+        float(cell or "nan") for cell in cells
     )
-    MODELS[Source(_source)] = SourceModel(
-        _prior,
-        (_seen[0], _seen[1], _seen[2], _seen[3]),
-        _ratio,
-        _std,
-        None if isnan(_low) else (_low, _high),
-        None if isnan(_damping) else _damping,
-        _in_phase,
+    rest, free, held, released = seen
+    return SourceModel(
+        prior,
+        (rest, free, held, released),
+        ratio,
+        ratio_std,
+        band=None if isnan(low) else (low, high),
+        damping_std=None if isnan(damping_std) else damping_std,
+        in_phase=in_phase,
     )
+
+
+MODELS = {Source(source): _model(cells) for source, *cells in table_beside(__file__)}
 DECIDING_PRESS = {
     frozenset({Source(source), Source(other)}): press
     for source, other, press in table_beside(Path(__file__).with_name("deciding"))
