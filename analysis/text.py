@@ -20,7 +20,6 @@ SOME_SIMULATED = "SIMULATED: at least one of these presses is simulated"
 OF_DIFFERENCES = "95 % intervals of presses and fit (gains cancel)"
 """What text and plots say of intervals that differences have."""
 WIDTH = 80  # Columns of the narrowest usual terminal, to which texts are wrapped
-EMPTY = 12  # Fewest spaces at the start of a line that are an empty first column of a table
 NAMED = 3  # Largest number of names that are listed before a text that applies to all of them
 _PLURALS = {"press": "presses", "plectrum": "plectra"}
 
@@ -106,7 +105,8 @@ def wrapped(text: str) -> str:
 
 def _wrapped_line(line: str) -> str:
     gaps = [gap.end() for gap in re.finditer(r"(?<=\S) {2,}", line)]
-    empty = len(line) - len(line.lstrip()) >= EMPTY
+    # So many spaces at the start are an empty first column of a table.
+    empty = len(line) - len(line.lstrip()) >= 12
     if len(line) <= WIDTH or empty or len(gaps) > 1 or len(line.split()) <= 2:
         return line
     indent = gaps[0] if gaps else len(line) - len(line.lstrip()) + 2

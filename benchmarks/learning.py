@@ -97,7 +97,7 @@ def learned_on(
     from sautereau.sim_backend.bench import StandIn
     from sautereau.trajectory.press import plan_press
 
-    expected, _ = expected_of(rig)
+    expected, *_ = expected_of(rig)
     with StandIn(rig, scene, seed, paced=paced) as stand_in:
         bench, measured = stand_in.rig, None
         trajectory = plan_press(bench, expected)

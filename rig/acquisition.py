@@ -3,10 +3,12 @@
 import math
 from dataclasses import dataclass
 from datetime import date
+from types import SimpleNamespace
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from sautereau.rig.disk import table_beside
 from sautereau.rig.errors import RigError
 from sautereau.rig.registry import SOURCES, NameIn, Registry
 from sautereau.rig.units import Current, Frequency, Length, Section, Time, Unit, UnitBy, Voltage
@@ -33,80 +35,13 @@ class MeasuredQuantity:
         return f"{self.unit}/V"
 
 
-VELOCITY = MeasuredQuantity(
-    "velocity",
-    "m/s",
-    "velocity of the key at the vibrometer's laser spot",
-    "the key moves down at the spot",
-    "25 mm/s/V",
-)
-FORCE = MeasuredQuantity(
-    "force",
-    "N",
-    "force of the finger on the key, normal to it",
-    "the finger presses on the key",
-    "1 N/V",
-)
-DISPLACEMENT = MeasuredQuantity(
-    "displacement",
-    "m",
-    "displacement of the key at the sensor's spot, from its rest",
-    "the key is below its rest at the spot",
-    "1 mm/V",
-)
-ACCELERATION = MeasuredQuantity(
-    "acceleration",
-    "m/s**2",
-    "acceleration of the key at the laser spot",
-    "the key accelerates downwards at the spot",
-    "98.1 m/s^2/V",
-)
-SOUND_PRESSURE = MeasuredQuantity(
-    "sound_pressure",
-    "Pa",
-    "sound pressure at a microphone",
-    "the pressure is above its mean",
-    "20 Pa/V",
-)
-VOLTAGE = MeasuredQuantity(
-    "voltage",
-    "V",
-    "voltage of a source that is none of the others",
-    "as the input is wired",
-    "1 V/V",
-)
-STRING_DISPLACEMENT = MeasuredQuantity(
-    "string_displacement",
-    "m",
-    "displacement of a string at a place along it, from its rest",
-    "the string is above its rest",
-    "0.1 mm/V",
-)
-STRING_VELOCITY = MeasuredQuantity(
-    "string_velocity",
-    "m/s",
-    "velocity of a string at a place along it",
-    "the string moves up",
-    "1 m/s/V",
-)
-BRIDGE_FORCE = MeasuredQuantity(
-    "bridge_force",
-    "N",
-    "force of a string on the bridge, perpendicular to the soundboard, from that at rest",
-    "the string pulls up",
-    "1 N/V",
-)
-
 OF_PLACE = ("string_displacement", "string_velocity")  # Quantities of a place along a string
 OF_STRING = (*OF_PLACE, "bridge_force")  # Quantities of one string
-NAMES = (
-    *("velocity", "force", "displacement", "acceleration", "sound_pressure", "voltage"),
-    *OF_STRING,
-)
+BUILT_IN = SimpleNamespace(**{row[0]: MeasuredQuantity(*row) for row in table_beside(__file__)})
 MEASURED = Registry(
     "sautereau.measured_quantities",
     "measured quantity",
-    {name: f"sautereau.rig.acquisition:{name.upper()}" for name in NAMES},
+    {name: f"sautereau.rig.acquisition:BUILT_IN.{name}" for name in vars(BUILT_IN)},
     RigError,
 )
 """Each is a `MeasuredQuantity`. The analysis uses velocity, force and those of strings; the others

@@ -19,6 +19,7 @@ from sautereau.rig.faults import Place, fault_list, line_of, near_miss
 from sautereau.rig.units import parse_quantity, shown
 
 _LOG = logging.getLogger(__name__)
+_INDEX = re.compile("[0-9]{1,6}")  # Of an entry of a list
 DEEPEST = 20
 """Limit of the depth of tables and arrays in a file; those of a rig or a scene are 6 deep."""
 _TOO_DEEP = f"its tables or arrays are nested more than {DEEPEST} deep; shorten it"
@@ -160,7 +161,8 @@ class Layers:
     def _merged(self, base: Any, own: Any, at: str, layer: Layer) -> Any:
         """Return a value of the bases with the differences of a layer."""
         dot = f"{at}." if at else ""
-        if base and isinstance(base, list) and isinstance(own, dict) and _indices(own):
+        indexed = isinstance(own, dict) and own and all(map(_INDEX.fullmatch, own))
+        if base and isinstance(base, list) and indexed:
             result = list(base)
             for index, value in own.items():
                 if int(index) < len(base):
@@ -191,11 +193,6 @@ class Layers:
 def _kept(origins: dict[str, Any], layer: Layer) -> dict[str, Any]:
     """Return the origins of values that a layer does not replace."""
     return {key: about for key, about in origins.items() if not layer.sets(key)}
-
-
-def _indices(table: dict[str, Any]) -> bool:
-    """Return whether a table has entries of a list by their indices, and nothing else."""
-    return bool(table) and all(re.fullmatch("[0-9]{1,6}", key) for key in table)
 
 
 def _entries(value: Any) -> bool:

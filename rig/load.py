@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from sautereau.rig.disk import named_text
+from sautereau.rig.disk import named_text, table_beside
 from sautereau.rig.document import current_key, rig_document, validated
 from sautereau.rig.errors import RigError
 from sautereau.rig.faults import bare_key, model_keys, near_miss, unit_of
@@ -17,29 +17,8 @@ from sautereau.rig.units import Section, parse_quantity, readable_quantity, show
 
 _LOG = logging.getLogger(__name__)
 USUAL = {
-    "key.press_arm": ("m", 0.01, 1.0),
-    "key.laser_arm": ("m", 0.01, 1.0),
-    "key.jack_arm": ("m", 0.01, 1.0),
-    "key.front_arm": ("m", 0.02, 1.0),
-    "key.inertia": ("kg m^2", 1e-6, 0.1),
-    "key.pivot_coulomb_friction": ("N m", 0.0, 0.05),
-    "key.pivot_viscous_friction": ("N m s/rad", 0.0, 0.05),
-    "key.dip": ("m", 1e-3, 0.03),
-    "key.felt_stiffness": ("N/m", 100.0, 1e6),
-    "jack.mass": ("kg", 0.2e-3, 0.2),
-    "jack.register_friction": ("N", 0.0, 2.0),
-    "jack.string_clearance": ("m", 20e-6, 0.02),
-    "plectrum.length": ("m", 0.5e-3, 0.03),
-    "plectrum.width": ("m", 0.1e-3, 0.02),
-    "plectrum.thickness": ("m", 50e-6, 5e-3),  # at the clamp
-    "plectrum.youngs_modulus": ("Pa", 0.1e9, 300e9),  # from soft quill to steel
-    "plectrum.density": ("kg/m^3", 100.0, 10e3),
-    "plectrum.overlap": ("m", 5e-6, 5e-3),
-    "string.tension": ("N", 0.5, 1e3),
-    "string.length": ("m", 0.03, 3.0),
-    "string.plucking_point": ("m", 2e-3, 1.0),
-    "string.frequency": ("Hz", 10.0, 10e3),
-    "string.diameter": ("m", 50e-6, 3e-3),
+    key: (unit, float(least), float(most))
+    for key, unit, least, most, _ in table_beside(Path(__file__).with_name("usual"))
 }
 """Unit and range of values that plucked instruments have: others are asked to be confirmed."""
 PARTS = "key", "jack", "plectrum", "string"

@@ -83,18 +83,15 @@ def _tables(
     fields = {key: field for key, field in model.model_fields.items() if not field.exclude}
     inner = {key: found for key, field in fields.items() if (found := submodel(field.annotation))}
     entries = tuple(_entry(key, model) for key in fields if key not in inner)
-    yield TableDescription(name, repeated, needed, _prose(f"{_class_text(model)} {text}"), entries)
+    # Several tables may share a class, which then says nothing about one of them.
+    shared = model is Section or model.__name__.startswith("_")
+    about = _prose(f"{'' if shared else model.__doc__ or ''} {text}")
+    yield TableDescription(name, repeated, needed, about, entries)
     for key, found in inner.items():
         many = get_origin(_bare(fields[key].annotation)) is tuple
         dotted = f"{name}.{key}" if name else key
         of_field, needed = _docstrings(model).get(key, ""), fields[key].is_required()
         yield from _tables(found, dotted, of_field, repeated=many, needed=needed)
-
-
-def _class_text(model: type[BaseModel]) -> str:
-    """Return the docstring of a table's class; empty if several tables share the class."""
-    shared = model is Section or model.__name__.startswith("_")
-    return "" if shared else model.__doc__ or ""
 
 
 def _entry(key: str, model: type[BaseModel]) -> KeyDescription:

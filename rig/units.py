@@ -104,11 +104,9 @@ def readable_quantity(value: float, unit: str) -> str:
     digits, _, exponent = f"{value:.6g}".partition("e")
     if exponent:
         digits += f"×10**{int(exponent)}"
-    return re.sub(r"\*\*-?\d+", _superscript, f"{digits} {prefix}{unit}").replace("*", "·").strip()
-
-
-def _superscript(power: re.Match[str]) -> str:
-    return power[0].removeprefix("**").translate(_SUPERSCRIPTS)
+    text = f"{digits} {prefix}{unit}".strip()
+    raised = re.sub(r"\*\*(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), text)
+    return raised.replace("*", "·")
 
 
 def shown(value: object) -> str:

@@ -28,7 +28,6 @@ from sautereau.analysis.session.repeatability import Spread, interval_of
 from sautereau.trajectory.motion import Floats
 
 ROUNDING = 1e-9  # Spread over magnitude that is attributed to rounding; relative tolerance of ranks
-SAME = 1e-3  # Ratio of the deviations of blocks and presses below which that of blocks counts as 0
 
 
 @dataclass(frozen=True)
@@ -261,7 +260,8 @@ class _Fit:
         known = not reason
         found = fit_nested(Nested(y, x, blocks, blocks), subgroups=False, groups=known)
         press, block = np.exp(found.logs[[0, 2]]).tolist()
-        if known and block <= SAME * press:
+        # So small a deviation of the blocks, over that of the presses, counts as 0.
+        if known and block <= 1e-3 * press:
             reason = "the blocks differ by no more than the presses within them"
             found = fit_nested(Nested(y, x, blocks, blocks), subgroups=False, groups=False)
             press, block = float(np.exp(found.logs[0])), 0.0

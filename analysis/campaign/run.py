@@ -11,9 +11,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.rig.progress import tracked
 
 BATCH = 8  # Number of recordings that a process reads at a time: about 0.2 s of work
-WORTH_A_PROCESS = 64  # Recordings that are worth a further process, which starts in 1.5 s
 UNWRITTEN = 256  # Presses after which the table is written: a killed run loses no more
-UNWRITTEN_FRACTION = 0.02  # Or this fraction of the rows, if more: limits the time of writing
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,8 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
     kept = set(campaign.sources)
     unread = [source for source in found if source not in kept]
     if where is None:
-        where = worthwhile(len(unread), WORTH_A_PROCESS)
+        # A further process, which starts in 1.5 s, is worth 64 recordings.
+        where = worthwhile(len(unread), 64)
     batches = [unread[i : i + BATCH] for i in range(0, len(unread), BATCH)]
     rows: list[Row] = []
     faults: list[Fault] = []
@@ -70,7 +69,8 @@ def run_campaign(folder: str | Path, out: str | Path, where: Where | None = 1) -
             rows += more
             faults += faulty
             done += len(batches[number])
-            if len(rows) >= max(UNWRITTEN, UNWRITTEN_FRACTION * len(campaign.table)):
+            # Or 2 % of the rows, if more, which limits the time of writing.
+            if len(rows) >= max(UNWRITTEN, 0.02 * len(campaign.table)):
                 # Cleared first: if the writing fails, the last one shall not add them again.
                 campaign, rows, faults = campaign.grown(rows, faults), [], []
                 campaign.write()

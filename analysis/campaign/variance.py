@@ -24,7 +24,6 @@ from sautereau.trajectory.motion import Floats
 
 LOG_RANGE = 8.0  # Logarithm of a ratio of standard deviations from which the smaller counts as 0
 LOG_TOLERANCE = 1e-3  # Tolerance of a logarithm
-ROUNDING = 1e-9  # Largest ratio of spread to magnitude of the values that is attributed to rounding
 
 
 @dataclass(frozen=True)
@@ -230,7 +229,8 @@ def fit_nested(data: Nested, *, subgroups: bool, groups: bool) -> Components:
         ratios[free] = values.T
         matrix, determinant = data.products(np.ones(len(values)), *np.exp(ratios))
         squares, inner = data.unexplained(matrix)
-        rounding = ROUNDING * np.sqrt(np.abs(matrix[:, -1, -1]) / degrees)
+        # So small a spread over the magnitude of the values is attributed to rounding.
+        rounding = 1e-9 * np.sqrt(np.abs(matrix[:, -1, -1]) / degrees)
         residual = np.sqrt(np.maximum(squares, 0) / degrees)
         if not (residual > rounding).all():
             raise AnalysisError(

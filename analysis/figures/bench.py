@@ -10,28 +10,13 @@ from sautereau.analysis.figures.artists import Artists, draw_head, draw_pose
 from sautereau.analysis.figures.palette import ARM, FELT, GRAIN, LASER, METAL, PRESSED, literal
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.press.replay import ChoirMotion, at_rest
+from sautereau.rig.disk import table_beside
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.arm import base
 from sautereau.trajectory.press import Trajectory
 
 DIMENSION = "#444444"
-LENGTHS = {
-    "arm.upper_length": "link 1",
-    "arm.lower_length": "link 2",
-    "arm.base_x": "base, x",
-    "arm.base_z": "base, z",
-    "arm.fingertip_radius": "fingertip's radius",
-    "key.dip": "dip at the pressing point",
-    "press.jack_rise": "jack's rise",
-    "jack.string_clearance": "rise until contact",
-    "plectrum.length": "plectrum's length",
-    "plectrum.overlap": "plectrum's overlap",
-    "plectrum.thickness": "plectrum's thickness",
-    "plectrum.width": "plectrum's width",
-    "string.length": "string, nut to bridge",
-    "string.plucking_point": "nut to jack",
-    "string.diameter": "wire",
-}  # Lengths without an arrow in the drawing, with their texts
+LENGTHS = dict(table_beside(__file__))  # Lengths without an arrow in the drawing, and their texts
 
 
 def bench_figure(rig: Rig, trajectory: Trajectory) -> Figure:

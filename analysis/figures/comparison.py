@@ -27,7 +27,6 @@ PICTURED = 8  # Number of presses of a condition that its plot shows, the first 
 ROWS = 3  # Largest number of conditions that each have a row of a plot
 LISTED = 40  # Number of conditions that one overview shows, the first ones
 NAMED = 3  # Number of values that name a condition in an overview
-TITLE = 120  # Characters in a line of a title
 SIZE = (12, 6.5)  # Inches, of the plot of a condition
 COLOURS = (MEASURED, AGAINST)  # Of the first set and of the other
 
@@ -93,7 +92,7 @@ def session_figure(
         _draw(part, sets, prediction, condition.comparison)
         if count > 1:
             title = f"condition {n} of {count}, {found.label(condition)}"
-            part.suptitle(f"{part.get_suptitle()}\n{textwrap.fill(title, TITLE)}")
+            part.suptitle(f"{part.get_suptitle()}\n{textwrap.fill(title, 120)}")  # Characters
     return figure
 
 

@@ -24,6 +24,7 @@ from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.phases.found import pluck_names, stretches
+from sautereau.analysis.session.repeatability import NORMAL
 from sautereau.rig.quantities import QUANTITIES
 
 
@@ -169,7 +170,7 @@ def _close(axes: Axes, press: Press, found: Phases) -> None:
 
 
 def _boundary(axes: Axes, instant: float, std: float, colour: str, dashes: str, name: str) -> None:
-    half = 1.96 * std  # 95 %
+    half = NORMAL * std
     label = fill(f"{name}: {instant * 1e3:.3f} ± {std * 1e3:#.2g} ms", LABEL)
     axes.axvspan((instant - half) * 1e3, (instant + half) * 1e3, color=colour, alpha=0.25, lw=0)
     axes.axvline(instant * 1e3, color=colour, ls=dashes, lw=1.2, label=label)

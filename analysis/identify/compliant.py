@@ -30,16 +30,13 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
 FREQUENCIES = np.geomspace(80.0, 1200.0, 30)  # Frequencies at which a mode is tried (Hz)
-DAMPINGS = (0.03, 0.15)  # Damping ratios at which a mode is tried
 WEIGHT = 0.02  # Weight of a mode for numerical derivatives, dimensionless
-FINGERTIP_STD = 0.2  # Of the fingertip's friction [1]; 0.2 changes the force's moment by 1 %
 TAPPED_STD = 0.2
 """Standard uncertainty of a mode that was found by tapping the resting key: relative for its
 frequency, absolute for its damping ratio. The pressed key has other modes."""
 INERTIA_FACTOR = 2.0
 """Ratio of the bounds of a compliant key's inertia to the rig's value. Above its modes a key shows
 a smaller inertia; with that inertia, one mode less would fit almost as well."""
-LEAST_GAIN = 0.9  # A mode is kept if it reduces the residual below this fraction
 
 
 def fit_presses(
@@ -74,9 +71,8 @@ def fit_presses(
         dynamics = _from(dynamics, fitted.values)
         fitted = fit(dynamics, 1, robust, free_offset=best.free_offset)
         found = quality(fitted)
-        if found.free_residual > LEAST_GAIN * good.free_residual or elastic.close_modes(
-            _named(fitted)
-        ):
+        # A mode is kept if it reduces the residual below this fraction.
+        if found.free_residual > 0.9 * good.free_residual or elastic.close_modes(_named(fitted)):
             break
         best, good = fitted, found
     if stiff and not elastic.modes_of(_named(best)):
@@ -156,9 +152,8 @@ def compliant(dynamics: InverseDynamics) -> InverseDynamics | None:
         parameters.hidden(
             parameters.CLOTH, 0.0, elastic.CLOTH_STD, (0.0, 10 * elastic.CLOTH_STD), "m/N"
         ),
-        parameters.hidden(
-            parameters.FINGERTIP, tip, FINGERTIP_STD, parameters.ENDS[parameters.FINGERTIP]
-        ),
+        # 0.2 changes the moment of the force by 1 %.
+        parameters.hidden(parameters.FINGERTIP, tip, 0.2, parameters.ENDS[parameters.FINGERTIP]),
     ]
     free += [new for new in unknown if all(p.name != new.name for p in free)]
     presses, short = before_release(dynamics.presses)
@@ -232,7 +227,8 @@ def _strongest(dynamics: InverseDynamics, number: int, free_offset: bool) -> ela
     table = [
         elastic.Mode(frequency, damping, WEIGHT, u, v)
         for frequency in [m.frequency for m in stated] or FREQUENCIES[lowest < FREQUENCIES].tolist()
-        for damping in [m.damping for m in stated] or DAMPINGS
+        # Damping ratios that are tried where none is stated.
+        for damping in [m.damping for m in stated] or (0.03, 0.15)
     ]
     if not table:
         return None

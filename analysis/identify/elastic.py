@@ -38,15 +38,9 @@ SHAPE_STD = 0.4  # Prior standard uncertainty of u and of v
 WEIGHT_STD = 1.5  # Prior standard uncertainty of r
 RINGING_STD = 0.3  # Prior standard uncertainty of the ringing amplitudes (N)
 CLOTH_STD = 1e-5  # Prior std of the compliance under the jack of a compliant key (m/N)
-LOWEST = 60.0  # Lower bound of the frequencies (Hz)
-HIGHEST = 3000.0  # Upper bound of the frequencies (Hz)
-LEAST_DAMPING = 5e-3  # Lower bound of the damping ratios: that of wood without felt
 LARGEST_STEP = 0.45 * np.pi  # Largest w T / 2 of a step T with an exact frequency
 LEAST_PERIODS = 4.0  # Smallest number of periods of a mode in a press
-CLOSE = 1.15  # Ratio of two frequencies below which the modes are too close to be separated
 MOST = 3  # Largest number of modes
-BAND = 2.0  # Highest frequency that passes the smoothing, times the width of the window
-POINTS = 400  # Number of frequencies up to it at which the noise gain is computed
 
 
 @dataclass(frozen=True)
@@ -92,8 +86,10 @@ def mode_parameters(
     frequency, damping = start.frequency, start.damping
     known = stds or (frequency / 2, 0.2)
     bounds = {
-        "frequency": (max(LOWEST, frequency / 2), min(HIGHEST, frequency * 2), frequency, known[0]),
-        "damping": (LEAST_DAMPING, 0.9, damping, known[1]),
+        # Between 60 Hz and 3 kHz.
+        "frequency": (max(60.0, frequency / 2), min(3000.0, frequency * 2), frequency, known[0]),
+        # The least damping is that of wood without felt.
+        "damping": (5e-3, 0.9, damping, known[1]),
         "weight": (-10.0, 10.0, 0.0, WEIGHT_STD),
         "jack_by_finger": (-12.0, 12.0, start.jack_by_finger, SHAPE_STD),
         "jack_by_laser": (-12.0, 12.0, start.jack_by_laser, SHAPE_STD),
@@ -115,7 +111,8 @@ def noise_gain(modes: Sequence[Mode], record: float) -> float:
     """
     if not modes:
         return 1.0
-    turn = np.linspace(0.0, 2 * np.pi * BAND / WINDOW, POINTS)[1:]
+    # 400 frequencies up to the highest that passes the smoothing, 2 over the width of the window.
+    turn = np.linspace(0.0, 2 * np.pi * 2.0 / WINDOW, 400)[1:]
     x = turn * WINDOW / 2
     smoothing = (3 * (np.sin(x) - x * np.cos(x)) / x**3) ** 2
     gain = np.ones(len(turn), complex)
@@ -134,7 +131,8 @@ def shortest_record(presses: Sequence[Observed]) -> float:
 def close_modes(values: Mapping[str, float]) -> bool:
     """Return whether two modes among the values are too close to be separated."""
     frequencies = sorted(mode.frequency for mode in modes_of(values))
-    return any(high < CLOSE * low for low, high in pairwise(frequencies))
+    # Modes at frequencies of a smaller ratio cannot be separated.
+    return any(high < 1.15 * low for low, high in pairwise(frequencies))
 
 
 def doubtful_modes(
@@ -165,55 +163,54 @@ def doubtful_modes(
     return reasons
 
 
-class Bending:
-    """The response of the modes in presses.
+def driven(
+    modes: Sequence[Mode], presses: Stacked, lag: float, gain: float, arm: float
+) -> list[Floats]:
+    """Return the moments of the finger, and of the ringing, as modes respond to them.
 
     Args:
         lag: s, delay of the force after the motion.
         gain: True force divided by measured force.
         arm: m, lever arm of the finger.
-        inertia: kg m^2, inertia of the key with its jacks.
+
+    Returns:
+        N m, of each mode at `substep_time`, with the first two derivatives; shape
+        (3, presses, n) each.
     """
+    return [
+        np.tensordot(
+            [arm * gain, arm * mode.cosine, arm * mode.sine],
+            _driven(presses, mode.frequency, mode.damping, lag),
+            1,
+        )
+        for mode in modes
+    ]
 
-    def __init__(
-        self,
-        modes: Sequence[Mode],
-        presses: Stacked,
-        lag: float,
-        gain: float,
-        arm: float,
-        inertia: float,
-    ):
-        self.modes, self._step = modes, presses.step
-        self._stiffnesses = [inertia * (2 * np.pi * mode.frequency) ** 2 for mode in modes]
-        self._by_finger = [
-            np.tensordot(
-                [arm * gain, arm * mode.cosine, arm * mode.sine],
-                _driven(presses, mode.frequency, mode.damping, lag),
-                1,
-            )
-            for mode in modes
-        ]
 
-    def by(self, strings: Floats) -> tuple[Floats, Floats]:
-        """Return what the modes add to the measured angle and to the rise of a jack.
+def bending(
+    modes: Sequence[Mode], inertia: float, fingers: Sequence[Floats], strings: Floats, step: float
+) -> tuple[Floats, Floats]:
+    """Return what modes add to the angle at the laser and to the rise of a jack.
 
-        Args:
-            strings: N m, moment of the strings about the pin at `substep_time`; shape
-                (presses, n).
+    Args:
+        inertia: kg m^2, of the key with its jacks.
+        fingers: N m, moment of the finger about the pin as each mode responds to it, with the first
+            two derivatives; shape (3, ..., n) each.
+        strings: N m, moment of the strings about the pin; shape (..., n).
+        step: s, between their values.
 
-        Returns:
-            The angle [rad] with its first two derivatives, shape (3, presses, n); and the rise of
-            a jack divided by its lever arm [rad], shape (presses, n).
-        """
-        angle, rise = np.zeros((3, *strings.shape)), np.zeros(strings.shape)
-        every = zip(self.modes, self._stiffnesses, self._by_finger, strict=True)
-        for mode, stiffness, finger in every:
-            by_strings = oscillation(strings, mode.frequency, mode.damping, self._step)
-            own = (finger - mode.jack_by_finger * by_strings) * (mode.weight / stiffness)
-            angle += own
-            rise += mode.jack_by_laser * own[0]
-        return angle, rise
+    Returns:
+        The angle [rad] with its first two derivatives, shape (3, ..., n); and the rise of a jack
+        divided by its lever arm [rad], shape (..., n).
+    """
+    angle, rise = np.zeros((3, *strings.shape)), np.zeros(strings.shape)
+    for mode, finger in zip(modes, fingers, strict=True):
+        stiffness = inertia * (2 * np.pi * mode.frequency) ** 2
+        by_strings = oscillation(strings, mode.frequency, mode.damping, step)
+        own = (finger - mode.jack_by_finger * by_strings) * (mode.weight / stiffness)
+        angle += own
+        rise += mode.jack_by_laser * own[0]
+    return angle, rise
 
 
 @lru_cache(maxsize=8)

@@ -45,7 +45,6 @@ from sautereau.rig.progress import tracked
 from sautereau.trajectory.motion import Floats
 
 DEPENDENT = 2.4  # Instants per independent value of the smoothed force
-PART = 0.3  # `FLOOR` of the noise that weights a fit
 ROUNDS = 3  # Fits; each after the first is whitened with the residuals of the one before
 
 
@@ -188,7 +187,8 @@ def whitened(fitted: Fit) -> Problem:
     dynamics = fitted.problem.dynamics
     forces, rises = dynamics.residuals(fitted.values)
     left = [f - w.trend(f) for f, w in zip(forces, fitted.problem.whitenings, strict=True)]
-    noise = _noise(dynamics, left, dynamics.floor, fitted.spent, fitted.free_offset, PART)
+    # Of its mean, the noise that weights a fit has at least 0.3 at any frequency.
+    noise = _noise(dynamics, left, dynamics.floor, fitted.spent, fitted.free_offset, 0.3)
     return problem_at(dynamics, fitted.values, noise, scatter(rises))
 
 

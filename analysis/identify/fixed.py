@@ -21,10 +21,7 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
 
-CHANGE = 0.01  # Relative change in the table of effects of a number without an assumed range
-FRICTION_CHANGE = 0.1  # The same for a number that is 0, such as a friction; absolute
 STEP = 1e-3  # Relative step of numerical derivatives
-LIKELY = 0.4  # Least fitted offset from the mid-line, over that on the surface, to suggest it
 SUGGESTED = 16.0  # Reduction of the sum of squares to suggest freeing: 4 standard deviations
 
 
@@ -171,7 +168,8 @@ def sensitivities(
             value = float(fitted.values[k])
             add(parameter.name, parameter.unit, value, parameter.std, True, by)
     for number in fixed:
-        change = CHANGE * abs(number.value) or FRICTION_CHANGE
+        # Without an assumed range: 1 % or, of a number that is 0 such as a friction, 0.1.
+        change = 0.01 * abs(number.value) or 0.1
         change = 1.0 if number.name == parameters.CONTACT else change
         if number.column is not None:
             by = gain @ problem.white(number.column) * -change
@@ -203,7 +201,8 @@ def suggestions(
         step = float(moved[0])
         if name == parameters.CONTACT:
             # The step is the offset of the string's centre, as a fraction of that on the surface.
-            if reduction > SUGGESTED and step > LIKELY:
+            # Else the fitted offset from the mid-line is too small over that on the surface.
+            if reduction > SUGGESTED and step > 0.4:
                 of_contact = [Suggestion(name, unit, reduction, 1.0)]
             continue
         low, high = parameters.bounds_of(rig, name)

@@ -17,6 +17,7 @@ from sautereau.analysis.identify.elastic import (
     SHAPES,
     WEIGHT_STD,
     Mode,
+    bending,
     mode_parameters,
     oscillation,
 )
@@ -55,7 +56,6 @@ from sautereau.trajectory.timing import press_law
 
 DRAWS = 4  # Instruments: on the packaged rig 16 change the means by at most 6 %
 REST = 2 * (MIN_REST + TURN_MARGIN)  # s, before and after the motion, for the noise at rest
-ITERATIONS = 3  # Of string and bending: the string's force hardly depends on the bending
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,8 @@ def planned_press(
     arms = np.array([choir.jack_arm for choir in every])
     pushing, force = np.zeros((len(every), len(time))), np.zeros(len(time))
     bent, extra = np.zeros((3, len(time))), np.zeros(len(time))
-    for _ in range(ITERATIONS if modes else 1):
+    # Of string and bending: the string's force hardly depends on the bending.
+    for _ in range(3 if modes else 1):
         # The same rise of the first jack has the same force.
         rise = rise_of_angle(key, angle.position) + key.jack_arm * extra
         for k, (push, choir) in enumerate(zip(pushing, every, strict=True)):
@@ -113,15 +114,9 @@ def planned_press(
                 height = rise_of_angle(key_of(truth, choir), angle.position)
                 push -= damper.stiffness * np.maximum(damper.lift - height, 0.0)
         force = finger_force(truth, angle, pushing)
-        bent, extra = np.zeros((3, len(time))), np.zeros(len(time))
-        moments = key.press_arm * (force - force[0]), arms @ (pushing - pushing[:, :1])
-        for m in modes:
-            by_finger, by_strings = (
-                oscillation(moment, m.frequency, m.damping, 1 / rate) for moment in moments
-            )
-            stiffness = moving_inertia(truth) * (2 * np.pi * m.frequency) ** 2
-            own = (by_finger - m.jack_by_finger * by_strings) * (m.weight / stiffness)
-            bent, extra = bent + own, extra + m.jack_by_laser * own[0]
+        finger, strings = key.press_arm * (force - force[0]), arms @ (pushing - pushing[:, :1])
+        fingers = [oscillation(finger, m.frequency, m.damping, 1 / rate) for m in modes]
+        bent, extra = bending(modes, moving_inertia(truth), fingers, strings, 1 / rate)
     random = np.random.default_rng(0)
     velocity = key.laser_arm * (angle.velocity + bent[1])
     velocity = velocity + noise.velocity * random.standard_normal(len(time))

@@ -39,13 +39,9 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.loading.press import Press
 from sautereau.analysis.model.choirs import ignored, level_name
 from sautereau.analysis.phases import Phases
+from sautereau.analysis.session.repeatability import NORMAL
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
-
-SIGNIFICANT = 3.0  # Standard uncertainties off the rig's value to report a hidden friction
-
-
-NORMAL_95 = 1.96  # Half the 95 % interval of a normal error, in standard uncertainties
 
 
 @dataclass(frozen=True)
@@ -236,7 +232,8 @@ def _with_found_friction(fitted: Fit, known: Information) -> Fit:
     for k, parameter in enumerate(free):
         if parameter.name == FRICTION and parameter.hidden and np.isfinite(known.stds[k]):
             std = known.stds[k] * fitted.problem.scales[k]
-            if abs(fitted.values[k] - rig_value) >= SIGNIFICANT * std:
+            # A hidden friction is reported from 3 standard uncertainties off the rig's value.
+            if abs(fitted.values[k] - rig_value) >= 3.0 * std:
                 free[k] = replace(parameter, hidden=False)
     problem = replace(fitted.problem, dynamics=dynamics.with_free(free))
     return replace(fitted, problem=problem)
@@ -266,7 +263,7 @@ def _estimates(
         determined, unaided = bool(np.isfinite(std)), known.std(k)
         low = high = None
         if determined and good.fits:
-            low, high = value - NORMAL_95 * std, value + NORMAL_95 * std
+            low, high = value - NORMAL * std, value + NORMAL * std
         found.append(
             Estimate(
                 name=p.name,
@@ -321,7 +318,6 @@ def _warnings(estimates: Sequence[Estimate], dynamics: InverseDynamics) -> tuple
 
 CRITICAL = 3.841  # 95 % quantile of the chi-squared distribution with one degree of freedom
 STEPS = 8  # Largest number of values on either side of the estimate
-REACH = 4.0  # Distance of the last of these values from the estimate, in standard uncertainties
 
 
 @dataclass(frozen=True)
@@ -363,7 +359,8 @@ def profile(fitted: Fit, found: Identified, name: str) -> Profile:
     least, excess = float(residuals @ residuals), fitted.excess
     step = (parameter.high - parameter.low) / STEPS
     if estimate.std is not None:
-        step = min(step, estimate.std * REACH / STEPS)
+        # The last of these values is 4 standard uncertainties from the estimate.
+        step = min(step, estimate.std * 4.0 / STEPS)
     values, rises, ends = [estimate.value], [0.0], []
     for sign in (-1.0, 1.0):
         start, end = fitted.values, None

@@ -17,14 +17,11 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.identify import parameters
 from sautereau.trajectory.motion import Floats
 
-UNDETERMINED = 1e-7  # Singular value of an undetermined combination, divided by the largest one
 IDENTIFIABLE = 0.025
 """A parameter is identifiable if its standard uncertainty, divided by its scale, is below this. The
 ends of its 95 % interval are then at most 5 % of the scale from the value."""
-LEAST_WEIGHT = 0.1  # Smallest weight of a parameter that is listed in a combination
 MORE = 4  # Ratio by which the number of presses is increased in the advice to record more
 USEFUL = 0.9  # A measurement is listed if it reduces the uncertainty to less than this fraction
-LISTED = 2  # Largest number of measurements that are listed for a result
 _HOW = {
     parameters.FORCE_GAIN: "calibrate the force transducer, and give gain_std",
     parameters.VELOCITY_GAIN: "calibrate the vibrometer, and give gain_std",
@@ -105,7 +102,8 @@ class Information:
         _, singular, directions = np.linalg.svd(
             np.vstack([self.data, self.prior]), full_matrices=False
         )
-        seen = singular > UNDETERMINED * max(float(singular[0]), 1e-300)
+        # Smaller singular values, over the largest one, are of undetermined combinations.
+        seen = singular > 1e-7 * max(float(singular[0]), 1e-300)
         kept = directions[seen] / singular[seen, None]
         return kept.T @ kept, np.all(np.abs(directions[~seen]) < 1e-3, axis=0)
 
@@ -175,7 +173,7 @@ class Information:
         more = self.std(number, presses=MORE)
         found.append(Measurement(f"record {MORE} times as many presses", more * scale))
         found = [each for each in found if each.std < USEFUL * now * scale]
-        return tuple(sorted(found, key=lambda each: each.std)[:LISTED])
+        return tuple(sorted(found, key=lambda each: each.std)[:2])  # The best two
 
     def measurable(self) -> dict[str, list[int]]:
         """Return the numbers of the parameters that a measurement would give, by what to do."""
@@ -209,7 +207,7 @@ class Information:
         for value, direction in zip(singular, directions, strict=True):
             order = np.argsort(-np.abs(direction)).tolist()
             direction = direction * np.sign(direction[order[0]])
-            listed = [k for k in order if abs(direction[k]) >= LEAST_WEIGHT]
+            listed = [k for k in order if abs(direction[k]) >= 0.1]  # Its main parts
             weights = {self.names[int(shown[k])]: float(direction[k]) for k in listed}
             seen = value > 1e-9 * max(float(singular[0]), 1e-300)
             std = 1 / float(value) if seen else None

@@ -25,14 +25,6 @@ from sautereau.trajectory.arm import fingertip_place
 from sautereau.trajectory.key import rise_of_angle, surface_axes
 from sautereau.trajectory.motion import Floats, Motion, dot
 
-RELEASE_MARGIN = 1.5e-3  # Excluded beside a release (s): filters spread the force drop over it
-DIP_MARGIN = 0.1e-3  # Travel of the pressing point that is excluded before the front felt (m)
-CATCH_RATIO = 2.5
-"""Multiple of the planned return acceleration above which the finger catches a key that it had
-lost, or a key turns without it. What precedes is excluded: the force transducer does not measure
-the load then."""
-STRING_MARGIN = 0.3e-3  # Least height above the string on the way down (m): tongue and damper act
-
 
 def landing(key: Key, time: Floats, motion: Motion, contact: float) -> float | None:
     """Return the time [s] at which a thrown jack lands, or None if the jack is not thrown.
@@ -68,11 +60,15 @@ def used_instants(
     resting |= np.sign(motion.velocity) != np.sign(np.roll(motion.velocity, 1))
     beside = np.ones(2 * max(1, round((TURN_MARGIN + shift) / step)) + 1)
     used &= np.convolve(resting, beside, "same") < 0.5
-    fast = CATCH_RATIO * rig.press.return_acceleration / rig.key.jack_arm
+    # Above this multiple of the planned acceleration the finger catches a key that it had lost, or
+    # a key turns without it. What precedes is excluded: the force transducer does not measure the
+    # load then.
+    fast = 2.5 * rig.press.return_acceleration / rig.key.jack_arm
     clearances = [rig.jack.string_clearance]
     clearances += [c.jack.string_clearance * rig.key.jack_arm / c.jack_arm for c in rig.more_choirs]
     back = motion.velocity < 0
-    low = rise_of_angle(rig.key, motion.position) < max(clearances) + STRING_MARGIN
+    # Up to 0.3 mm above the string tongue and damper act.
+    low = rise_of_angle(rig.key, motion.position) < max(clearances) + 0.3e-3
     caught = back & ~low & (np.abs(motion.acceleration) > fast)
     # It is not known when the finger lost the key.
     used &= ~(back & (low | (time <= np.max(time[caught], initial=-np.inf) + edge)))
@@ -82,7 +78,8 @@ def used_instants(
     thrown = time[:top][gentle[:top]].max(initial=time[0])
     used &= gentle[top] | (time < thrown - edge) | (time > time[top])
     for pluck in phases.plucks:
-        used &= np.abs(time - pluck.release) > RELEASE_MARGIN + edge
+        # Filters spread the force drop over 1.5 ms.
+        used &= np.abs(time - pluck.release) > 1.5e-3 + edge
         if pluck.string is None:  # and its force is not modelled
             used &= (time < pluck.contact - edge) | (time > pluck.release)
     used &= clear_of_flags(press, time, edge)
@@ -90,7 +87,8 @@ def used_instants(
     for mark in press.quality_flags:
         if coupled and mark.channel == coupled.name and mark.kind != "drop-out":
             stretch += time > mark.stop
-    used &= rig.key.press_arm * motion.position < rig.key.dip - DIP_MARGIN
+    # Up to 0.1 mm before the front felt.
+    used &= rig.key.press_arm * motion.position < rig.key.dip - 0.1e-3
     # An AC-coupled force has another level after an overload.
     return used & (stretch == np.argmax(np.bincount(stretch, used)))
 
@@ -113,7 +111,6 @@ WINDOW = 2e-3  # Width of the smoothing window (s)
 REST_SPEED = 0.03  # Fraction of the largest speed below which the key counts as at rest
 TURN_MARGIN = 4e-3  # Excluded beside a reversal or a rest (s): the friction is indeterminate there
 MIN_REST = 10e-3  # Shortest rest from which the noise is estimated (s)
-RETURN_MARGIN = 10e-3  # Time from the end of the return to the start of that rest (s)
 
 
 @dataclass(frozen=True)
@@ -151,7 +148,8 @@ def noise_at_rest(
     """
     speed = np.abs(motion.velocity)
     moving = time[speed > REST_SPEED * speed.max(initial=0.0)]
-    rests = (time < moving[0] - TURN_MARGIN, time > moving[-1] + RETURN_MARGIN)
+    # The rest after the press starts 10 ms after the end of the return.
+    rests = (time < moving[0] - TURN_MARGIN, time > moving[-1] + 10e-3)
     found = []
     for rest in rests:
         kept = rest & clean
@@ -185,9 +183,7 @@ def _fast(signal: Floats, kept: NDArray[np.bool_], rate: float) -> float:
 STEP = 0.5e-3  # Approximate time between fitted instants (s)
 SUBSTEPS = 4  # Evaluations of the string's force per step, before smoothing
 ARM_LAG = 6e-3  # Time constant with which a servo-driven arm deflects under the force (s)
-REST_TIME = 5e-3  # Time at the start of a recording in which the finger is at rest (s)
 LIFT_OFF_ANGLE = 2.5e-5  # From which the key counts as lifted off its rail (rad), above the noise
-RISE_STD = 1e-6  # Of the jack's rise at release (m), without that of the time of release
 FREE = 0  # Phase of a press: the key moves down and no string is held
 HELD = 1  # Phase of a press: a string is held
 BACK = 2  # Phase of a press: the key moves up
@@ -354,7 +350,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
     rows = first + part * np.arange(SUBSTEPS * (count - 1) + 2 * (half // part) + 1)
     every, pushed = Motion(smooth(angle), smooth(velocity) / arm, slope / arm), smooth(force)
     motion = Motion(*(values[at] for values in every))
-    rest = force[: max(1, round(REST_TIME * press.rate))].mean()
+    # In the first 5 ms of a recording the finger is at rest.
+    rest = force[: max(1, round(5e-3 * press.rate))].mean()
     known = [p for p in phases.plucks if p.string]
     by_hand = phases.fit is not None and phases.fit.model == "by hand"
     releases = np.array([p.release for p in known], float)
@@ -381,7 +378,8 @@ def observed(press: Press, phases: Phases, shift: float = 0.0) -> Observed:
         strings=np.array([p.string for p in known], np.intp) - 1,
         unknown=len(phases.plucks) - len(known),
         release_angles=angles,
-        release_stds=np.hypot(stds * speeds, RISE_STD),
+        # 1 um of the rise, without that of the time of release.
+        release_stds=np.hypot(stds * speeds, 1e-6),
         release_speeds=speeds,
         release_std=0.0 if by_hand or len(phases.plucks) != 1 else float(stds.sum()),
         smooth_time=time,

@@ -117,8 +117,6 @@ def is_name(name: str) -> bool:
 FACTOR = 10.0  # Ratio of a bound to the rig's value if the rig file assumes no range
 OF_STIFFNESS = (MODULUS, "plectrum.width", "plectrum.thickness")
 """Values of which the bending stiffness consists."""
-DIFFERENCE = 1e-3  # Step of numerical derivatives, divided by the parameter's scale
-FRICTION_DIFFERENCE = 0.02  # The same for friction, whose effect is quadratic near 0
 _SPREAD = re.compile(r"(.+?)\s*(?:\+-|\+/-|±)\s*(.+)")
 _RANGE = re.compile(r"(.+?)\s+to\s+(.+)")
 
@@ -171,7 +169,8 @@ class Parameter:
     def difference(self) -> float:
         """Step of numerical derivatives, divided by the scale."""
         rubs = split_name(self.name)[1] == FRICTION
-        return FRICTION_DIFFERENCE if rubs else DIFFERENCE
+        # The effect of a friction is quadratic near 0.
+        return 0.02 if rubs else 1e-3  # Of the scale
 
 
 def check_names(names: Sequence[str], priors: Collection[str] = ()) -> None:
@@ -391,16 +390,6 @@ calibration of the vibrometer."""
 SLIDING_STD = 2e-3
 """Standard uncertainty of the sliding (1/N): along a key of 150 mm a force of 1 N moves the finger
 by 0.3 mm. Servos yield by more: docs/trials.md says what a wider prior changes."""
-RELEASE_STD = 5e-3
-"""Relative standard uncertainty of the height of release. It is that of a static string: also the
-vibration along the plectrum changes it."""
-FRICTION_STD = 0.1
-"""Standard uncertainty of the plectrum's friction in the rig, dimensionless. Friction is fitted
-with stiffness and overlap because its effect resembles theirs: an error of 0.03 disappears in the
-noise and makes the overlap 8 % too large. A string on the mid-line, which no instrument has, also
-resembles friction. Friction is therefore not fitted there: the place of the string comes first."""
-DAMPER_STD = 0.2  # Relative, of the dampers' stiffness if the rig assumes no range
-DAMPER_LIFT_STD = 0.1e-3  # Of the dampers' lift if the rig assumes no range (m)
 STRING_STD = 0.3  # Relative, of stiffness and overlap of the plectra of further strings
 BOUND_STDS = 10  # Standard uncertainties from a hidden parameter's value to its bounds
 
@@ -421,7 +410,9 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
     found += [
         _hidden(SLIDING, 0.0, SLIDING_STD, "1/N"),
         _hidden(LATE_SLIDING, 0.0, SLIDING_STD, "1/N"),
-        _hidden(RELEASE, 0.0, RELEASE_STD),
+        # Relative. The height of release is that of a static string: also the vibration along the
+        # plectrum changes it.
+        _hidden(RELEASE, 0.0, 5e-3),
         # Of a uniform distribution from 0 to 1.
         hidden(VIBRATION, 0.5, 1 / 12**0.5, ENDS[VIBRATION]),
     ]
@@ -433,8 +424,8 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         found += [_hidden(clearance, 0.0, CLEARANCE_STD, "m")] * (CLEARANCE not in free)
     damper = rig.jack.damper
     if damper is not None and damper.stiffness > 0:
-        std = assumed_std(rig, "jack.damper.stiffness") / damper.stiffness or DAMPER_STD
-        lift_std = assumed_std(rig, "jack.damper.lift") or DAMPER_LIFT_STD
+        std = assumed_std(rig, "jack.damper.stiffness") / damper.stiffness or 0.2  # Relative
+        lift_std = assumed_std(rig, "jack.damper.lift") or 0.1e-3  # m
         # There may be no damper: a least stiffness would bias what else the return shows.
         found += [_hidden(DAMPER, 1.0, std, least=0.0)]
         found += [_hidden(DAMPER_LIFT, damper.lift, lift_std, "m")]
@@ -442,7 +433,11 @@ def hidden_parameters(rig: Rig, names: Sequence[str]) -> list[Parameter]:
         own for _, own in map(split_name, names)
     )
     if plectrum_is_free and rig.plectrum.contact == "surface":
-        found.append(hidden(FRICTION, rig.plectrum.friction, FRICTION_STD, ENDS[FRICTION]))
+        # Friction is fitted with stiffness and overlap because its effect resembles theirs: an
+        # error of 0.03 disappears in the noise and makes the overlap 8 % too large. A string on the
+        # mid-line, which no instrument has, also resembles friction. Friction is therefore not
+        # fitted there: the place of the string comes first.
+        found.append(hidden(FRICTION, rig.plectrum.friction, 0.1, ENDS[FRICTION]))
     if not set(DRY_FRICTIONS).isdisjoint(names):
         # Only their sum is identifiable: at the bound of the free one a gain would take up the rest
         stated = {n: value_of(rig, n) for n in DRY_FRICTIONS if n not in rig.assumed}

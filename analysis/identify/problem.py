@@ -17,11 +17,7 @@ from sautereau.analysis.identify.residuals import InverseDynamics
 from sautereau.analysis.phases.rows import SOLVE
 from sautereau.trajectory.motion import Floats
 
-REACH = 50e-3  # Longest lag of the autocovariance (s): two and a half periods of the mains
-MAINS = (50.0, 60.0)  # Frequencies of the mains (Hz)
-HUM_LEAST = 0.15  # Shortest record in which both can be separated from the press (s)
 FLOOR = 1e-3  # Smallest value of the noise spectrum, divided by its mean
-QUIET = 1e-12  # Smallest variance of the scaled residuals. It is needed for presses without noise
 
 
 @dataclass(frozen=True)
@@ -88,8 +84,11 @@ def whitening(
     factor = cholesky_banded(diagonals, lower=True, check_finite=False)
     scale = np.broadcast_to(scale, count)
     columns = [np.ones(count), 2 * (at - at[0]) / max(at[-1] - at[0], 1) - 1] if free_offset else []
-    if (at[-1] - at[0]) * step > HUM_LEAST:
-        columns += [f(2 * np.pi * at * step * mains) for f in (np.sin, np.cos) for mains in MAINS]
+    # In a shorter record 50 and 60 Hz cannot be separated from the press.
+    if (at[-1] - at[0]) * step > 0.15:
+        columns += [
+            f(2 * np.pi * at * step * mains) for f in (np.sin, np.cos) for mains in (50.0, 60.0)
+        ]
     plain = np.stack(columns, 1) if columns else np.zeros((count, 0))
     white = np.stack([_solved(factor, c / scale) for c in columns], 1) if columns else plain
     trends, mixing = np.linalg.qr(white)
@@ -126,7 +125,8 @@ def autocovariance(
     """
     from scipy.signal.windows import parzen
 
-    count = max(2, round(REACH / step))
+    # The longest lag of the autocovariance is 50 ms, two and a half periods of the mains.
+    count = max(2, round(50e-3 / step))
     sums, pairs = np.zeros(count), np.zeros(count)
     for residual, which in zip(residuals, used, strict=True):
         values = np.zeros(len(which))
@@ -142,14 +142,14 @@ def autocovariance(
     # If pairs are missing, this may not be positive definite. White noise is then added.
     spectrum = np.fft.hfft(means, 16 * count)
     least = floor * float(spectrum.mean())
-    means[0] = max(QUIET, float(means[0]) + max(0.0, least - float(spectrum.min())))
+    # Presses without noise need a smallest variance.
+    means[0] = max(1e-12, float(means[0]) + max(0.0, least - float(spectrum.min())))
     return means
 
 
 TOLERANCE = 1e-6  # Relative decrease of the cost that is neglected in a result
 COARSE = 1e-4  # The same in a fit that only serves to estimate the noise
 ROUGH = 1e-2  # The same in a fit whose values start that one
-DAMPING = 1e-3  # Of each scaled parameter, in any step: it keeps undetermined ones where they are
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,8 @@ def minimise(
             weight = (1 + residuals**2) ** -0.25 if robust else np.ones(len(residuals))
             q, r = np.linalg.qr(found.slopes(point)[:, moving] * weight[:, None])
             target = -q.T @ (weight * residuals)
-        sizes = np.sqrt(damping) * np.linalg.norm(r, axis=0) + DAMPING
+        # The last part keeps undetermined parameters where they are.
+        sizes = np.sqrt(damping) * np.linalg.norm(r, axis=0) + 1e-3
         damped = np.vstack([r, np.diag(sizes)])
         ends = (low - point)[moving], (high - point)[moving]
         step = lsq_linear(damped, np.append(target, np.zeros(len(r))), ends, method="bvls").x

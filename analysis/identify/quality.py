@@ -24,16 +24,9 @@ from sautereau.analysis.text import quantity_in_rig
 from sautereau.trajectory.motion import Floats
 
 NOISE_MAX = 1.2  # Largest ratio of the averaged residual to the noise at rest, not averaged
-HELD_MAX = 1.1
-"""Largest allowed ratio of the residual while a string is held to that elsewhere. A residual up to
-the noise at rest is always allowed, because the held string vibrates. A wrong friction that is
-hidden in this way is found by the score test."""
-HELD_STDS = 2.0  # Standard deviations of that ratio that are allowed in addition
 REPEATED_MAX = 0.5
 """Largest allowed ratio of the repeated part of the residual to the other part, or to the noise at
 rest. A repeated part widens the intervals."""
-REPEATED_STDS = 3.0  # Standard deviations of the repeated part that are allowed in addition
-SLOW_FALL = 0.2e-3  # s, of a release; rigid keys have up to 0.1 ms, a fall within 4 ms has 0.28
 PRIOR_MAX = 3.0  # Standard uncertainties by which a fitted calibration may differ from the rig's
 HOW = {
     TIME: "free it, or correct the delays of the channels",
@@ -41,11 +34,6 @@ HOW = {
     VELOCITY_GAIN: "calibrate the vibrometer, or measure key.laser_arm, which acts alike, or the"
     " shape of the plectrum (sautereau outline): a taper resembles it",
 }  # How to correct a wrong calibration
-LONGEST = 9  # Largest number of instants in an average over a period of the string
-INDEPENDENT = 0.6
-"""Time between independent values of a smoothed force, divided by the windows of smoothing and
-averaging."""
-SAME = 0.05  # Largest RMS difference of velocities of one motion, relative to their RMS
 
 
 @dataclass(frozen=True)
@@ -128,7 +116,8 @@ def judged(good: Quality, fitted: Fit) -> Quality:
             " check that release in a plot of the phases"
         )
     slow = float(np.median([press.release_std for press in presses]))
-    if slow > SLOW_FALL and not any(p.name.startswith(MODE) for p in fitted.problem.free):
+    # Rigid keys have up to 0.1 ms, a fall within 4 ms has 0.08 to 0.66.
+    if slow > 0.2e-3 and not any(p.name.startswith(MODE) for p in fitted.problem.free):
         first.append(
             f"the releases are known to {slow * 1e3:.2g} ms only, but a string's force falls"
             " at once on a rigid key: check them in a plot of the phases"
@@ -175,7 +164,10 @@ def quality(fitted: Fit) -> Quality:
     held_residual = rms(inside) if instants else None
     if held_residual is not None:
         spread = 1 / np.sqrt(2 * max(1.0, instants * _independent(dynamics.presses, period)))
-        allowed = max(free, dynamics.floor) * (HELD_MAX + HELD_STDS * spread)
+        # Up to a tenth more than elsewhere, and two standard deviations of that ratio. A residual
+        # up to the noise at rest is always allowed, because the held string vibrates. A wrong
+        # friction that is hidden in this way is found by the score test.
+        allowed = max(free, dynamics.floor) * (1.1 + 2.0 * spread)
         if held_residual > max(allowed, noise or 0.0):
             part = repeated_in(HELD)
             fix = (
@@ -217,7 +209,8 @@ def _slow(residual: Floats, press: Observed, period: float) -> Floats:
 
     The held string vibrates and that of the model does not. The average removes the vibration.
     """
-    count = min(2 * round(period / press.step / 2) + 1, LONGEST)
+    # An average over a period of the string has at most 9 instants.
+    count = min(2 * round(period / press.step / 2) + 1, 9)
     series, slow = np.full(len(press.used), np.nan), np.full(len(press.used), np.nan)
     series[press.used] = residual
     means = np.convolve(series, np.full(count, 1 / count), "valid")
@@ -231,7 +224,8 @@ def _slow(residual: Floats, press: Observed, period: float) -> Floats:
 
 def _independent(presses: Sequence[Observed], period: float) -> float:
     """Return the number of independent values per instant."""
-    return presses[0].step / (INDEPENDENT * (WINDOW + period))
+    # Values of a smoothed force are independent at 0.6 of the windows of smoothing and averaging.
+    return presses[0].step / (0.6 * (WINDOW + period))
 
 
 @dataclass(frozen=True)
@@ -270,7 +264,7 @@ def _repeated(
         within = float(np.mean(np.var(every, axis=0, ddof=1))) + floor**2
         common = max(0.0, float(np.mean(every.mean(axis=0) ** 2)) - within / n)
         spread = np.sqrt(2 / max(1.0, instants * _independent(presses, period))) * within / n
-        chance = REPEATED_STDS * spread
+        chance = 3.0 * spread  # Three standard deviations are allowed
         allowed = REPEATED_MAX**2 * within + chance
         size, allowed, chance = np.sqrt([common, allowed, chance]).tolist()
         found.append(_Repeated(size, allowed, chance, 1 + n * common / within))
@@ -284,7 +278,8 @@ def _same_motion(presses: Sequence[Observed]) -> list[list[int]]:
         speed = press.motion.velocity
         for group in groups:
             first = presses[group[0]].motion.velocity
-            if len(speed) == len(first) and rms([speed - first]) < SAME * rms([first]):
+            # Velocities of one motion differ by less than 5 % RMS.
+            if len(speed) == len(first) and rms([speed - first]) < 0.05 * rms([first]):
                 group.append(number)
                 break
         else:

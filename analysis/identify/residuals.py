@@ -18,11 +18,6 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import angle_of_rise, moving_inertia, rise_of_angle
 from sautereau.trajectory.motion import Floats, Motion
 
-MODEL_STD = 5e-4
-"""Accuracy of the model, divided by the largest force. Without it, small errors of the model would
-be attributed to the calibrations if the recordings have no noise."""
-ITERATIONS = 3  # Iterations of the strings' forces; 2 leave 1 standard uncertainty at 96 Hz
-
 
 class InverseDynamics:
     """The inverse dynamics of recorded presses as a function of the parameters.
@@ -70,7 +65,9 @@ class InverseDynamics:
     @cached_property
     def floor(self) -> float:
         """N, smallest scale of the force residuals: the accuracy of the model."""
-        return MODEL_STD * max(float(np.abs(p.force()).max()) for p in self.presses)
+        # The model is accurate to 5e-4 of the largest force. Without this, small errors of the
+        # model would be attributed to the calibrations if the recordings have no noise.
+        return 5e-4 * max(float(np.abs(p.force()).max()) for p in self.presses)
 
     @property
     def noise(self) -> float | None:
@@ -269,12 +266,14 @@ def _state(
     risen = [rise_of_angle(string.key, angle) for string in strings]
     arms = np.array([choir.jack_arm for choir in choirs(rig)])
     inertia, gain = moving_inertia(rig), values.get(parameters.FORCE_GAIN, 1.0)
-    bending = elastic.Bending(modes, rows, lag, gain, _finger_arm(rig), inertia)
+    fingers = elastic.driven(modes, rows, lag, gain, _finger_arm(rig))
     bent, rise = np.zeros((3, *angle.shape)), np.zeros(angle.shape)
     before = pushing = np.zeros((len(strings), *angle.shape))
-    for iteration in range(1 + ITERATIONS * bool(modes or cloth)):
+    # Iterations of the strings' forces; 2 leave 1 standard uncertainty at 96 Hz.
+    for iteration in range(1 + 3 * bool(modes or cloth)):
         if modes and iteration:
-            bent, rise = bending.by(np.tensordot(arms, pushing - pushing[..., :1], 1))
+            moment = np.tensordot(arms, pushing - pushing[..., :1], 1)
+            bent, rise = elastic.bending(modes, inertia, fingers, moment, rows.step)
             risen = [
                 rise_of_angle(string.key, angle - bent[0]) + string.choir.jack_arm * rise
                 for string in strings

@@ -57,9 +57,6 @@ LEAST_RATE = 500.0
 and more, of 20 ms; at 256 Hz contacts were found 3 ms late, and at 200 Hz no pluck."""
 LEAST_ROWS = 16  # Fewest rows of a press
 STRETCH = 16384  # Rows computed at a time: large arrays are allocated and freed by every operation
-COARSE = 1e-3
-"""Dimensionless, fraction of the fingertip's way up to which the arm's resolution gives no
-warning."""
 FORCE_DRIFT = 2e-3
 """Dimensionless, fraction of the largest force up to which nothing is said about a doubtful offset.
 It is a warning above the channel's `gain_std`."""
@@ -406,7 +403,8 @@ def _coarse(rig: Rig) -> list[str]:
     """Return a warning about an arm whose encoders limit the press."""
     resolution = rig.arm.resolution
     part = resolution / (rig.press.jack_rise * rig.key.press_arm / rig.key.jack_arm)
-    if part <= COARSE:
+    # A resolution up to a thousandth of the fingertip's way gives no warning.
+    if part <= 1e-3:
         return []
     return [
         f"arm: its encoders resolve {resolution * 1e3:.2g} mm at the fingertip, {100 * part:.1f} %"

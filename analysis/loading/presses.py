@@ -30,7 +30,6 @@ from sautereau.trajectory.motion import Floats
 
 PAUSE = 0.04  # s, shortest pause that separates two presses
 REST = 0.5  # s, longest part of a pause that a press keeps before and after it
-SPIKE = 5  # Blocks of the median that removes drop-outs and spikes
 STEADY = {"velocity": 0.01, "force": 0.025}
 """Dimensionless, fractions of that range within which a signal at rest stays."""
 NOISE = 8.0  # The same in standard deviations of the noise, if that is larger
@@ -104,7 +103,9 @@ def find_presses(means: Mapping[str, Floats], rate: float, n_samples: int, rig: 
     if not all(np.isfinite(one).all() for one in means.values()):
         raise AnalysisError("it has samples that are not numbers; record again")
     levels = {
-        name: _without_trend(ndimage.median_filter(one, SPIKE)) for name, one in means.items()
+        # The median over 5 blocks removes drop-outs and spikes.
+        name: _without_trend(ndimage.median_filter(one, 5))
+        for name, one in means.items()
     }
     # The shortest pause in the force alone is twice the rise of the rig's jack.
     slowest = 2.0 * rig.press.jack_rise / rig.press.jack_speed

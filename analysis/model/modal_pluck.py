@@ -19,7 +19,6 @@ from sautereau.analysis.model.string.string import FreeString, ModalState, Modal
 from sautereau.rig.schema import Rig
 
 MODES = 30  # Modes that move
-STEPS = 1000  # Steps of a pluck by default
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ def modal_pluck(
     string = ModalString(rig.string, modes, decay, width)
     shortest = 1 / (rig.string.frequency * modes * float(string.stretch[-1]))
     if step is None:
-        step = min(duration / STEPS, STEP_FRACTION * shortest)
+        step = min(duration / 1000, STEP_FRACTION * shortest)
     # At most a million steps.
     least, most = duration / 1_000_000, min(duration / 2, STEP_FRACTION_MAX * shortest)
     if not least <= step <= most:

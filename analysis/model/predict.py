@@ -265,12 +265,15 @@ def pressed(
     )
 
 
-def expected_of(rig: Rig) -> tuple[Expectation | None, list[str]]:
-    """Return the string's force that the model expects in a press, or why there is none."""
+def expected_of(rig: Rig) -> tuple[Expectation | None, list[str], tuple[str, ...]]:
+    """Return the string's force that the model expects in a press, or why there is none, and the
+    model's warnings."""
     try:
-        return expectation(predict(rig)), []
+        found = predict(rig)
     except ModelError as error:
-        return None, [f"planned without the string's force, because the model failed: {error}"]
+        why = f"planned without the string's force, because the model failed: {error}"
+        return None, [why], ()
+    return expectation(found), [], found.warnings
 
 
 def _rises(rig: Rig, held: PlacedPluck) -> Floats:

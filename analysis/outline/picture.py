@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.plectrum.base import Floats
+from sautereau.daq.signals.calibration import MAD_TO_STD
 from sautereau.rig.disk import open_regular, why_unreadable
 from sautereau.rig.errors import require
 
@@ -238,14 +239,14 @@ def _fitted(terms: Floats, image: Floats, within: NDArray[np.bool_]) -> Floats:
     for _ in range(3):
         fit = np.asarray(np.linalg.lstsq(design[keep], values[keep], rcond=None)[0], float)
         residual = np.abs(values - design @ fit)
-        keep = residual <= 3 * 1.4826 * np.median(residual) + 1e-12
+        keep = residual <= 3 * MAD_TO_STD * np.median(residual) + 1e-12
     return fit
 
 
 def _noise(share: Floats) -> float:
     """Return the standard deviation of a pixel's noise, from differences of neighbours."""
     differences = share[:, 2:] - 2 * share[:, 1:-1] + share[:, :-2]
-    spread = 1.4826 * float(np.median(np.abs(differences))) / np.sqrt(6)
+    spread = MAD_TO_STD * float(np.median(np.abs(differences))) / np.sqrt(6)
     return max(spread, 1e-3)  # the rounding of 8 bits
 
 

@@ -25,14 +25,6 @@ BLOCK = 8
 whose noise is estimated by itself."""
 
 
-BEGINS: tuple[Orders, ...] = ((2,), (2, 1), (3,))
-"""Powers of time with which force and velocity may begin: t^2, the velocity with t, as on a key
-whose jack stands on a hard cloth, or t^3, where another spring is between jack and finger."""
-
-
-LOST = 3.0  # Force over its noise below which the finger may have lost the key
-
-
 @dataclass(frozen=True)
 class Fitted:
     """A fit with a number of modes."""
@@ -335,7 +327,7 @@ def refine_event(
         max(1, round(settings.block * signals.rate)),
     )
     first, middle = signals.sample(begin), signals.sample(near)
-    least = LOST * signals.force_noise
+    least = 3 * signals.force_noise
     lost = np.flatnonzero(signals.force[middle:] < least)
     if len(lost) and signals.force[first : middle + 1].mean() > least:
         until = min(until, float(signals.time[middle + lost[0]]))
@@ -381,7 +373,9 @@ def _search(fit: EventFit, std: float, modes: int) -> list[Fitted]:
     tried = np.tile(fit.expected, (20, 1))
     tried[:, 0] = np.linspace(-3, 3, len(tried)) * std
     chains: list[Fitted] = []
-    for orders in BEGINS:
+    # Force and velocity may begin as t^2, the velocity as t, as on a key whose jack stands on a hard
+    # cloth, or both as t^3, where another spring is between jack and finger.
+    for orders in ((2,), (2, 1), (3,)):
         chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
         best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(len(tried)), 2)]
         chains += _distinct(fit.refine([(tried[i], poles[i : i + 1]) for i in best], orders))

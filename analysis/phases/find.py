@@ -25,13 +25,6 @@ from sautereau.rig.schema import Rig
 from sautereau.trajectory.key import key_motion
 from sautereau.trajectory.motion import Floats, Motion
 
-LEVEL = 0.1
-"""Dimensionless, fraction of the peak force by which the level of a force may differ from that of
-the rig: numbers without a range are not exact either."""
-STOPS = (3e-3, 0.45), (8e-3, 0.23)
-"""Times before and after a release [s], and fractions of the jack's rise before it, which the rise
-after it does not reach at an obstacle. A key that swings may be at rest for 3 ms, one that meets a
-rail soon after is at rest after 8 ms; only obstacles do both."""
 Finder = Callable[[Expected, Signals, int, int], Found]
 """Finds the plucks of a rig's strings between two samples, as `find_plucks` does."""
 
@@ -190,7 +183,9 @@ def _level_of_force(
         return required - measured, checks.about_rest(required - measured, channel, peak)
     # A key that accelerates bends and bounces.
     inertia = signals.inertial * line_through(time, signals.velocity[free])[0]
-    limit = LEVEL * peak + abs(inertia)
+    # The level of a force may differ from that of the rig by a tenth of the peak: numbers without a
+    # range are not exact either.
+    limit = 0.1 * peak + abs(inertia)
     # Without a pluck, a string may be held at these samples.
     if abs(required - measured) <= limit or not plucked:
         return None, []
@@ -224,7 +219,10 @@ def _stopped(signals: Signals, release: float) -> bool:
 
     After a release the key continues.
     """
-    for side, share in STOPS:
+    # Times before and after a release [s], and fractions of the jack's rise before it, which the
+    # rise after it does not reach at an obstacle. A key that swings may be at rest for 3 ms, one
+    # that meets a rail soon after is at rest after 8 ms; only obstacles do both.
+    for side, share in (3e-3, 0.45), (8e-3, 0.23):
         after = min(side, float(signals.time[-1]) - release)
         times = release + np.array([-side, 0.0, after])
         before, at, last = np.interp(times, signals.time, signals.rise)

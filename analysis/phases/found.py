@@ -15,7 +15,6 @@ from sautereau.trajectory.motion import Floats
 
 GOOD, RIGID = 4.0, 10.0
 """Variance of the residuals over the noise below which the fit of a rigid key is good, or fair."""
-PARTS = 16  # Of a held string, each as long as the strokes of a bouncing finger
 FAIR = 15e-3  # N, rms of the residuals below which the fit of a compliant key is fair
 FINGERTIP = 0.015
 """Relative standard uncertainty of a force drop by friction of the fingertip, which has a moment
@@ -244,7 +243,8 @@ def growth(time: Floats, deflection: Floats, force: Floats) -> tuple[float, floa
         columns = np.column_stack([columns, np.real(best), np.imag(best)])
     # The slopes without one part of the rows each (jackknife; B. Efron, The Annals of Statistics 7
     # (1979) 1), which needs no model of how the strokes are correlated.
-    size = max(1, len(load) // PARTS)
+    # Each part is as long as the strokes of a bouncing finger.
+    size = max(1, len(load) // 16)
     rows = len(load) // size * size
     parts = columns[:rows].reshape(-1, size, columns.shape[1])
     of_parts = load[:rows].reshape(-1, size, 1)

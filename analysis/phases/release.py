@@ -12,7 +12,6 @@ from sautereau.daq.signals.calibration import robust_std
 from sautereau.trajectory.motion import Floats
 
 LEAST_FALL = 4e-3  # N, least fall of a release
-LEAST_GAIN = 9.0  # Least reduction of chi2 by a fall of the load, compared with a bend
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,8 @@ def find_falls(rows: Rows) -> list[int]:
 def releases_in(signals: Signals, rows: Rows) -> list[Release]:
     """Return the sudden falls of the load in order of time, fitted to the samples around them."""
     near = [refine(signals, float(rows.time[fall]), rows.step) for fall in find_falls(rows)]
-    return [each for each in near if each.gain > LEAST_GAIN and each.fall > LEAST_FALL]
+    # A fall of the load must reduce chi2 by 9, compared with a bend.
+    return [each for each in near if each.gain > 9.0 and each.fall > LEAST_FALL]
 
 
 def refine(signals: Signals, near: float, step: float) -> Release:

@@ -31,9 +31,6 @@ OF_SPEED = ("held_speed_mean", "held_speed_min", "held_speed_max", "held_speed_e
 """Columns of `held_speeds`."""
 OF_REST = ("full_rise", "end_rise", "rest_force", "unseen_force")
 """Columns that show from press to press whether the key comes back, and whether sensors drift."""
-WINDOW = 1e-3
-"""s, longest time over which a speed is averaged, so that the vibrometer's noise is below 0.2 % of
-a jack speed of 5 mm/s."""
 COMPARED = (
     "pluck_duration",
     "contact_rise",
@@ -230,7 +227,9 @@ def held_speeds(press: Press, phases: Phases) -> Row:
         return found
     ends = [(held.contact, held.release) for held in phases.plucks]
     first, last = min(start for start, _ in ends), max(stop for _, stop in ends)
-    time = np.linspace(first, last, 1 + max(4, math.ceil((last - first) / WINDOW)))
+    # Over at most 1 ms each, so that the vibrometer's noise is below 0.2 % of a jack speed of 5
+    # mm/s.
+    time = np.linspace(first, last, 1 + max(4, math.ceil((last - first) / 1e-3)))
     held = np.any([(time[:-1] >= start) & (time[1:] <= stop) for start, stop in ends], axis=0)
     if not held.any():
         return found

@@ -18,7 +18,6 @@ from sautereau.rig.disk import make_folder, new_file
 from sautereau.rig.schema import Rig
 
 SAMPLE_RATE = 48_000  # Hz, of the file
-HIGHEST = 20e3  # Hz, of the highest modes in the sound
 LEVEL = -1.0  # dB, of the largest sample relative to the full scale of the file
 MOST = 60.0  # s, longest sound
 
@@ -71,7 +70,7 @@ def sound_of(
         raise AnalysisError(
             f"duration: {duration:.4g} s must be between 0 and {MOST:g} s; change it"
         )
-    strings = vibrating_strings(rig, level, quality=quality, highest=HIGHEST)
+    strings = vibrating_strings(rig, level, quality=quality, highest=20e3)  # Hz, audible
     begin = min(string.contact for string in strings) - 20e-3  # 20 ms of silence
     strings = tuple(
         replace(string, contact=string.contact - begin, release=string.release - begin)

@@ -28,7 +28,6 @@ SPAN = 4e-3  # s, of the line through the lift; at most a third of the pluck
 NEAR = 0.5e-3  # s, between its end and the release, and between the wave and the partials
 PERIODS = 12  # Of the fundamental, of the window in which the partials are fitted
 DETUNED = 0.03  # Largest relative deviation of the fundamental from the rig's
-QUIET = 0.1  # Largest spread of a sensor before contact, over that of the ringing string
 
 
 def measured_start(
@@ -54,7 +53,8 @@ def measured_start(
     recorded = resting.any() and time[0] < contact < release < time[-1]
     if not (recorded and np.isfinite(values).all()):
         return {}
-    if np.ptp(values[resting]) > QUIET * np.ptp(values[time > release]):
+    # The sensor must be quiet before contact, compared with the ringing string.
+    if np.ptp(values[resting]) > 0.1 * np.ptp(values[time > release]):
         return {}  # it still vibrates from the last press
     seen = values - np.median(values[resting])
     if channel.quantity == "string_velocity":

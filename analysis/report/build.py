@@ -10,6 +10,7 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
+from sautereau.analysis.model.choirs import string_names
 from sautereau.analysis.report import facts, figures, tables
 from sautereau.analysis.report.contents import Contents
 from sautereau.analysis.report.slow_motion import moving
@@ -18,6 +19,8 @@ from sautereau.analysis.results.comparison import (
     compared_presses,
     contribution_rows,
     error_cells,
+    feature_cells,
+    repeatability_rows,
     verdict_line,
 )
 from sautereau.analysis.session.compare import ERRORS
@@ -80,13 +83,13 @@ def build_report(contents: Contents, about: About) -> str:
         else [],
         zooms=figures.zooms(contents),
         about_time=escape(figures.about_time(contents)),
-        table=tables.feature_table(contents.analysis),
+        table=tables.feature_table(contents),
         over_session=bool(courses),
         repeatability=[
             {
                 "name": name,
                 "presses": condition.repeatability.presses,
-                "rows": tables.repeatability_rows(condition.repeatability),
+                "rows": repeatability_rows(condition.repeatability),
             }
             for name, condition in zip(names, conditions, strict=True)
             if condition.repeatability
@@ -100,7 +103,11 @@ def build_report(contents: Contents, about: About) -> str:
                 "rows": [error_cells(condition.comparison, name) for name in ERRORS],
                 "verdict": verdict_line(condition.comparison),
                 "contributions": contribution_rows(condition.comparison),
-                "features": tables.compared_rows(condition),
+                "features": [
+                    (*feature_cells(one, string_names(condition.rig)), str(one.presses))
+                    for one in condition.features
+                    if one.predicted is not None
+                ],
             }
             for name, condition in zip(names, conditions, strict=True)
             if condition.comparison and condition.prediction

@@ -8,7 +8,7 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.pictures import envelope
 from sautereau.analysis.report.slow_motion import SlowMotion, slow_motion
 from sautereau.analysis.session.analysed import AnalysedPress, analyse_recording
-from sautereau.analysis.session.conditions import Condition, SessionAnalysis, analyse
+from sautereau.analysis.session.conditions import SessionAnalysis, analyse
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.file.recorded import Event, Recorded
 from sautereau.rig.disk import digest
@@ -58,10 +58,9 @@ _FAULTS = ("aborted", "fault")  # Kinds of events that are warnings
 
 
 @dataclass(frozen=True)
-class Contents:
-    """Presses of a session."""
+class Contents(SessionAnalysis[PressRecord]):
+    """Presses of a session by condition."""
 
-    analysis: SessionAnalysis[PressRecord]
     unread: Mapping[Path, str]
     """Reason why a recording could not be read, by its path."""
     points: int
@@ -72,16 +71,6 @@ class Contents:
     """The first press with a pluck."""
     no_slow_motion: str
     """Reason why there is no slow motion; empty if there is one."""
-
-    @property
-    def presses(self) -> tuple[PressRecord, ...]:
-        """All presses, in the order in which they were made."""
-        return self.analysis.presses
-
-    @property
-    def conditions(self) -> tuple[Condition[PressRecord], ...]:
-        """The presses by condition."""
-        return self.analysis.conditions
 
 
 def gather(paths: Sequence[Path], level: str) -> Contents:
@@ -113,14 +102,12 @@ def gather(paths: Sequence[Path], level: str) -> Contents:
     if not records:
         first = next(iter(unread.values()), "there is none; give the folder of a session")
         raise AnalysisError(f"report: no recording of {len(paths)} can be read: {first}")
+    missing = "" if shown else reason or "no press has a pluck"
+    analysis = analyse(records, level)
     return Contents(
-        analyse(records, level),
-        unread,
-        points,
-        records[0].press.rate,
-        shown,
-        "" if shown else reason or "no press has a pluck",
-    )
+        **vars(analysis), unread=unread, points=points, rate=records[0].press.rate,
+        slow_motion=shown, no_slow_motion=missing,
+    )  # fmt: skip
 
 
 def _record(number: int, recorded: Recorded, whole: AnalysedPress, points: int) -> PressRecord:

@@ -164,7 +164,6 @@ LOW = 600  # Height of these pictures, in the same unit
 MARGIN = 60  # Distance of the curves from the sides, in the same unit
 GAP = 16  # Distance of labels from what they describe, in the same unit
 LETTERS = 52  # Font size, in the same unit
-STEP = 4  # Step between the drawn points of the string
 TENTH = 1e4  # 1/m; the key is drawn in units of 0.1 mm
 UM = 1e6
 
@@ -184,7 +183,7 @@ def string_picture(number: int, motion: ChoirMotion, name: str) -> Picture:
     shapes = (
         Shape("path", "axis", {"d": f"M{MARGIN},0H{WIDE - MARGIN}"}),
         Shape("path", "axis", {"d": f"M{at},{-LOW // 2}V{LOW // 2}"}),
-        *(drawn(part, (across, up), (MARGIN, 0)) for part in string_parts(motion, STEP)),
+        *(drawn(part, (across, up), (MARGIN, 0)) for part in string_parts(motion, 4)),
         label("nut", MARGIN, GAP - LOW / 2),
         label("plectrum", at + GAP, GAP - LOW / 2),
         label("bridge", WIDE - MARGIN, GAP - LOW / 2, "end"),

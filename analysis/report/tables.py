@@ -20,33 +20,15 @@ from sautereau.analysis.press.features import (
     title_of,
 )
 from sautereau.analysis.report.contents import PressRecord
-from sautereau.analysis.results.comparison import feature_cells
-from sautereau.analysis.results.comparison import repeatability_rows as rows_of_repeatability
 from sautereau.analysis.results.prediction import Written, read_part
-from sautereau.analysis.session.conditions import Condition, SessionAnalysis
-from sautereau.analysis.session.repeatability import Repeatability
+from sautereau.analysis.session.conditions import SessionAnalysis
 from sautereau.analysis.text import counted, in_rig_units
+from sautereau.rig.disk import table_beside
 from sautereau.rig.quantities import QUANTITIES
 
 NONE = "–"
-DIGITS = {
-    "plucks": 0,
-    "free_speed": 5,
-    "held_speed_mean": 5,
-    "held_speed_min": 5,
-    "held_speed_max": 5,
-    "held_speed_error": 2,
-    "contact": 3,
-    "release": 3,
-    "pluck_duration": 3,
-    "contact_force": 4,
-    "release_force": 4,
-    "peak_force": 4,
-    "force_drop": 4,
-    "force_slope": 4,
-    "held_work": 1,
-    "press_work": 1,
-}  # Features in the table, in their order, with their decimal places
+DIGITS = {name: int(decimals) for name, decimals in table_beside(__file__)}
+"""Features in the table, in their order, with their decimal places."""
 LATER = ("contact", "release", "pluck_duration", "release_force", "force_drop")
 """Features in the table of the second and later strings as well."""
 COURSE = ("held_speed_mean", "held_speed_error", "pluck_duration", "release_force")
@@ -134,24 +116,6 @@ def courses(presses: Sequence[PressRecord]) -> list[Course]:
         if any(value is not None for value in values):
             found.append(Course(title_of(name, strings), values, shown))
     return found
-
-
-def compared_rows(found: Condition[PressRecord]) -> list[tuple[str, ...]]:
-    """Return feature, mean, its interval, the model's value and the number of presses."""
-    strings = string_names(found.rig)
-    return [
-        (*feature_cells(one, strings), str(one.presses))
-        for one in found.features
-        if one.predicted is not None
-    ]
-
-
-def repeatability_rows(found: Repeatability) -> list[tuple[str, str, str]]:
-    """Return quantity, value and interval of the figures of ISO 9283 and of the drifts."""
-    return [
-        (label if significant else f"{label}, not significant", value, interval)
-        for label, value, interval, significant in rows_of_repeatability(found)
-    ]
 
 
 PATTERN = "fit*.json"  # Names of their files in the session's folder

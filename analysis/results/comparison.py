@@ -59,8 +59,16 @@ class Comparison(Result):
             features: Whether to list the features that the model predicts.
             remarks: Whether to list the remarks on presses, instead of their number.
         """
-        lines = analysis_lines(self.found, features)
-        said = ((p.press.path, text) for p in self.found.presses for text in p.remarks)
+        found, lines = self.found, []
+        for condition in found.conditions:
+            if len(found.conditions) > 1:
+                lines.append(f"{found.label(condition)}:")
+            lines += _comparison_lines(condition, features)
+            if condition.repeatability:
+                lines += repeatability_lines(condition.repeatability)
+            lines += [condition.speed_verdict] if condition.speed_reached else []
+            lines += condition.warnings
+        said = ((p.press.path, text) for p in found.presses for text in p.remarks)
         lines += remark_lines(said, remarks, "`sautereau phases --verbose`")
         return [*lines, *(line for pair in self.pairs for line in pair_lines(pair))]
 
@@ -253,24 +261,6 @@ def _pair_document(found: Pair) -> dict[str, Any]:
             for one in found.differences
         },
     }
-
-
-def analysis_lines(found: SessionAnalysis, features: bool = True) -> list[str]:
-    """Return the analysis of a session as text.
-
-    Args:
-        features: Whether to list the features that the model predicts.
-    """
-    lines = []
-    for condition in found.conditions:
-        if len(found.conditions) > 1:
-            lines.append(f"{found.label(condition)}:")
-        lines += _comparison_lines(condition, features)
-        if condition.repeatability:
-            lines += repeatability_lines(condition.repeatability)
-        lines += [condition.speed_verdict] if condition.speed_reached else []
-        lines += condition.warnings
-    return lines
 
 
 def _comparison_lines(found: Condition, features: bool) -> list[str]:

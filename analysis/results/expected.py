@@ -144,7 +144,6 @@ def expected(
     rig: Rig,
     names: Sequence[str],
     priors: Sequence[str],
-    *,
     presses: int,
     speeds: Sequence[str],
     force_noise: str,

@@ -100,7 +100,6 @@ def _located_lines(found: Located) -> list[str]:
 
 REST, PRESENT = "#12263a", PURPLE
 EXCLUDED, HATCH = "#e9e9e9", "#a8a8a8"
-LOWEST = -40e-3  # m, lower edge of the plot, which leaves room for labels
 
 
 def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
@@ -124,7 +123,7 @@ def mount_figure(rig: Rig, area: MountMap, mount: Mount) -> "Figure":
     axes.set_aspect("equal")
     axes.relim()
     axes.autoscale_view()
-    axes.set_ylim(bottom=min(axes.get_ylim()[0], LOWEST * 1e3))
+    axes.set_ylim(bottom=min(axes.get_ylim()[0], -40))  # mm, with room for labels
     axes.set(xlabel="x from the balance pin (mm)", ylabel="z above the balance pin (mm)")
     tilts = mount.hold == "point"
     what = "largest tilt of the finger (deg)" if tilts else "largest slide of the finger (mm)"

@@ -9,7 +9,7 @@ import numpy as np
 
 from sautereau.analysis.figures.palette import ARM, GRAIN, LASER, PHASES, PRESSED, SKY
 from sautereau.analysis.model.key import finger_force
-from sautereau.analysis.model.predict import expected_of, predict
+from sautereau.analysis.model.predict import expected_of
 from sautereau.analysis.results.result import Result, drawing, frame_of, shown
 from sautereau.analysis.text import check_cells, counted, listed, relative_margin, table
 from sautereau.rig.quantities import QUANTITIES
@@ -137,13 +137,7 @@ class Plan(Result):
         from sautereau.analysis.results.expected import expected
 
         return expected(
-            self.rig,
-            listed(names),
-            listed(priors),
-            presses=presses,
-            speeds=speeds,
-            force_noise=force_noise,
-            velocity_noise=velocity_noise,
+            self.rig, listed(names), listed(priors), presses, speeds, force_noise, velocity_noise
         )
 
     def to_frame(self) -> "pd.DataFrame":
@@ -165,9 +159,9 @@ def plan(rig: Rig, correction: Correction | None = None) -> Plan:
     Raises:
         TrajectoryError: No such motion exists: there is no cruise, or it is out of reach.
     """
-    expected, doubts = expected_of(rig)
+    expected, doubts, said = expected_of(rig)
     draft = draft_press(rig, expected, correction)
-    warnings = [*doubts, *(predict(rig).warnings if expected else ()), *draft.warnings]
+    warnings = [*doubts, *said, *draft.warnings]
     least, name = _return_force(rig, draft), "jack.register_friction"
     friction = rig.assumed.get(name, (0.0, rig.jack.register_friction))[1]
     stiff = rig.jack.model_copy(update={"register_friction": friction})

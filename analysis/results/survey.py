@@ -46,7 +46,6 @@ TOUCH = ("release_force", "force_drop", "force_slope", "held_work", "release_ris
 EVEN = (*TOUCH, "plectrum_tip_thickness")  # Quantities whose evenness is computed
 START = ("release_lift", "release_angle", "v_osc")  # State of the string and plectrum at release
 LEAST = 5  # Fewest keys for a trend that an uneven one does not move, and for outliers
-LIMIT = 3.5  # Modified z-score of an outlier, as Iglewicz and Hoaglin recommend
 FELT = 0.07  # Least difference of 2.5 to 10 N that is felt (Pang, Tan and Durlach, 1991)
 
 
@@ -303,7 +302,8 @@ def _evenness(own: Mapping[int, Touched], name: str, string: int, source: str) -
     spread = float(median_abs_deviation(residuals)) / 0.6745
     deviations = dict(zip([e.key for e in own.values()], np.expm1(residuals).tolist(), strict=True))
     largest = np.argsort(-np.abs(residuals)).tolist() if enough else []
-    least = max(LIMIT * spread, np.log1p(FELT))
+    # A modified z-score of 3.5 is that of an outlier (Iglewicz and Hoaglin).
+    least = max(3.5 * spread, np.log1p(FELT))
     far = [k for k in largest if abs(residuals[k]) > least]
     outliers = tuple([*deviations][k] for k in far)
     return Evenness(name, string, source, per_key, deviations, spread, outliers)

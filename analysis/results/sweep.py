@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-POINTS = 25  # Values of a range that is given as `...`
 SHOWN = ("pluck_duration", "peak_force", "v_osc")  # Quantities of the figure
-LISTED = 24  # Lines that its legend lists at most
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,7 +86,8 @@ class Sweep(Shown):
                 axes.plot(along * factor, values, label=label, **style)
             axes.set(xlabel=f"{key} ({name_of_unit})", ylabel=QUANTITIES[name].title)
             axes.grid(alpha=0.3)
-        if 1 < len(labels) <= LISTED:
+        # The legend has room for 24 lines.
+        if 1 < len(labels) <= 24:
             handles, _ = panels[0].get_legend_handles_labels()
             figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=9)
         figure.suptitle(repr(self).strip("<>"))
@@ -114,7 +113,7 @@ def _axis(rig: Rig, key: str, value: Any) -> Floats:
     if value is ...:
         if key not in rig.assumed:
             raise RigError(f"sweep: {key} has no assumed range in the rig; give its values")
-        return np.linspace(*rig.assumed[key], POINTS)
+        return np.linspace(*rig.assumed[key], 25)
     unit = _unit(key) or "1"
     several = value if np.ndim(value) else [value]
     try:

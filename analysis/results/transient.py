@@ -9,6 +9,7 @@ import numpy as np
 
 from sautereau.analysis.figures import palette
 from sautereau.analysis.results.result import Result, drawing, frame_of, part_of, shown
+from sautereau.analysis.session.repeatability import NORMAL
 from sautereau.analysis.text import SOME_SIMULATED, counted, grouped, table
 from sautereau.analysis.transient.attribute import Attributed, Source
 from sautereau.analysis.transient.evidence import Examined, ObservedMode, Oscillation
@@ -117,11 +118,9 @@ class Transient(Result):
 
 def _mode(observed: ObservedMode) -> dict[str, Any]:
     mode = observed.mode
-    channels, amplitudes = (
-        {},
-        zip(mode.amplitude.tolist(), mode.amplitude_std.tolist(), strict=True),
-    )
-    for name, (value, std) in zip(("force", "velocity"), amplitudes, strict=True):
+    names, channels = ("force", "velocity"), {}
+    amplitudes = mode.amplitude.tolist(), mode.amplitude_std.tolist()
+    for name, value, std in zip(names, *amplitudes, strict=True):
         size, phase = cmath.polar(value)
         channels[name] = {
             "amplitude": size,
@@ -155,7 +154,7 @@ def _cells(each: Attributed) -> tuple[str, ...]:
 
 def _damping(o: Oscillation) -> tuple[str, str]:
     """Return the damping in per cent, and what a negative estimate means."""
-    limit, found = 1.96 * o.damping_std, _with_std(100 * o.damping, 100 * o.damping_std)  # 95 %
+    limit, found = NORMAL * o.damping_std, _with_std(100 * o.damping, 100 * o.damping_std)
     if o.damping >= 0:
         return found, ""
     if o.damping + limit >= 0:
@@ -219,7 +218,7 @@ def _frequencies(axes: "Axes", found: Sequence[Attributed]) -> None:
             force, std = abs(o.mode.amplitude[0]) * 1e3, o.mode.amplitude_std[0] * 1e3
             style = {"fmt": markers[o.phase], "color": colour, "ms": 5, "elinewidth": 0.8}
             style["mfc"] = "none" if each.source is None else colour
-            axes.errorbar(o.mode.frequency, force, std, 1.96 * o.mode.frequency_std, **style)
+            axes.errorbar(o.mode.frequency, force, std, NORMAL * o.mode.frequency_std, **style)
     keys: list[Line2D | Patch] = [
         Line2D([], [], marker=marker, ls="", color="#555555", label=phase)
         for phase, marker in markers.items()

@@ -18,7 +18,6 @@ INPUTS = (
     "key.laser_arm",
 )
 """Values of the rig that change the force and the motion while a string is held."""
-BENT = 2.6  # (1 - u) (1 - v) of a key in its first bending, u = v = -0.6; see identify/elastic.py
 BENDING = "key bending"  # Name of the contribution of a key that is not rigid
 MEASUREMENT = "measurement"  # Name of the contribution of presses, gains, contact and release
 
@@ -145,7 +144,8 @@ def bending_of(rig: Rig, phases: Sequence[Phases]) -> float:
         if fit and speed
     ]
     key, bent = rig.key, float(np.mean(parts or [0.0]))
-    return BENT * key.jack_arm * key.press_arm / moving_inertia(rig) * max(0.0, bent)
+    # (1 - u) (1 - v) of a key in its first bending, u = v = -0.6; see identify/elastic.py.
+    return 2.6 * key.jack_arm * key.press_arm / moving_inertia(rig) * max(0.0, bent)
 
 
 def _named(names: list[str], values: Floats) -> dict[str, float]:

@@ -18,12 +18,9 @@ from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import Row, column, work_along
 from sautereau.analysis.press.string_start import predicted_start
 from sautereau.analysis.session.budget import Budget, Contribution, budget
-from sautereau.analysis.session.repeatability import student
+from sautereau.analysis.session.repeatability import NORMAL, student
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
-
-NORMAL = 1.96  # Half width of a 95 % interval, in standard uncertainties
-
 
 ERRORS = ("slope_error", "magnitude_error", "duration_error")  # The errors of a comparison
 

@@ -20,7 +20,6 @@ from sautereau.analysis.press.features import by_string, gain_stds, quantity_of,
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.analysis.session.budget import bending_of
 from sautereau.analysis.session.compare import (
-    NORMAL,
     Comparison,
     compare,
     compared_string,
@@ -28,7 +27,7 @@ from sautereau.analysis.session.compare import (
     with_budget,
 )
 from sautereau.analysis.session.pooled import PooledFeature, pooled_features
-from sautereau.analysis.session.repeatability import LEAST, Repeatability, repeatability
+from sautereau.analysis.session.repeatability import LEAST, NORMAL, Repeatability, repeatability
 from sautereau.rig.document import flat, values_of
 from sautereau.rig.errors import SautereauError
 from sautereau.rig.faults import unit_of

@@ -17,6 +17,7 @@ from sautereau.trajectory.timing import PressLaw
 
 LEAST = 3  # Fewest presses for a spread
 COVERAGE = 0.95  # Dimensionless coverage of the intervals
+NORMAL = 1.96  # Half of that of a normal error, in standard uncertainties
 CHANCE = 1e-3  # Probability that a change between presses is said of presses without one
 
 

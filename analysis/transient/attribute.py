@@ -8,7 +8,8 @@ simulated presses. docs/transient.md explains them.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from math import degrees, exp, log, log10, pi, sqrt
+from math import degrees, exp, isnan, log, log10, pi, sqrt
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
@@ -17,6 +18,7 @@ from scipy.stats import norm
 from sautereau.analysis.model.choirs import choirs
 from sautereau.analysis.transient.evidence import PHASES, ObservedMode, Oscillation
 from sautereau.analysis.transient.modes import MOST_DAMPING
+from sautereau.rig.disk import table_beside
 from sautereau.rig.instrument import Choir
 from sautereau.rig.schema import Rig
 from sautereau.trajectory.motion import Floats
@@ -60,57 +62,27 @@ class SourceModel:
     phase. Otherwise every phase is equally probable."""
 
 
-MODELS = {
-    Source.STRING: SourceModel(
-        prior=0.2, seen=(0.01, 0.03, 0.85, 0.05), ratio=-0.1, ratio_std=0.6, damping_std=0.02
-    ),
-    Source.KEY: SourceModel(
-        prior=0.2,
-        seen=(0.05, 0.6, 0.75, 0.85),
-        ratio=-0.2,
-        ratio_std=0.7,
-        band=(60.0, 4000.0),
-        in_phase=0.8,
-    ),
-    Source.FINGER: SourceModel(
-        prior=0.2,
-        seen=(0.1, 0.7, 0.75, 0.75),
-        ratio=0.0,
-        ratio_std=0.12,
-        band=(20.0, 2000.0),
-        in_phase=0.95,
-    ),
-    Source.TRANSDUCER: SourceModel(
-        prior=0.2, seen=(0.05, 0.5, 0.6, 0.7), ratio=1.0, ratio_std=0.4, band=(700.0, 20000.0)
-    ),
-    Source.MAINS: SourceModel(
-        prior=0.1, seen=(0.98, 0.95, 0.95, 0.95), ratio=1.0, ratio_std=1.0, damping_std=0.002
-    ),
-    Source.STEADY: SourceModel(
-        prior=0.02,
-        seen=(0.98, 0.95, 0.95, 0.95),
-        ratio=0.0,
-        ratio_std=1.0,
-        band=(20.0, 20000.0),
-        damping_std=0.002,
-    ),
-    Source.OTHER: SourceModel(
-        prior=0.1, seen=(0.2, 0.3, 0.3, 0.3), ratio=0.0, ratio_std=0.8, band=(20.0, 20000.0)
-    ),
-}
+def _model(cells: Sequence[str]) -> SourceModel:
+    """Return the model of one line of attribute.csv, where an empty cell is nothing."""
+    prior, *seen, ratio, ratio_std, low, high, damping_std, in_phase = (
+        float(cell or "nan") for cell in cells
+    )
+    rest, free, held, released = seen
+    return SourceModel(
+        prior,
+        (rest, free, held, released),
+        ratio,
+        ratio_std,
+        band=None if isnan(low) else (low, high),
+        damping_std=None if isnan(damping_std) else damping_std,
+        in_phase=in_phase,
+    )
+
+
+MODELS = {Source(source): _model(cells) for source, *cells in table_beside(__file__)}
 DECIDING_PRESS = {
-    frozenset({Source.STRING, Source.KEY}): "the same press with the string muted by felt: a mode"
-    " of the string disappears or moves, one of the key stays",
-    frozenset({Source.STRING, Source.FINGER}): "a press at another jack speed with the string"
-    " muted: the string's frequency does not depend on the speed and disappears with the felt",
-    frozenset({Source.STRING, Source.TRANSDUCER}): "the same press with the string muted: a mode"
-    " of the transducer stays",
-    frozenset({Source.KEY, Source.FINGER}): "a tap on the resting key, with the finger away from"
-    " it: only modes of the key remain",
-    frozenset({Source.KEY, Source.TRANSDUCER}): "a tap on the resting key, with the finger away"
-    " from it: only the velocity shows a mode of the key",
-    frozenset({Source.FINGER, Source.TRANSDUCER}): "a tap on the fingertip in the air: only the"
-    " transducer's own mode remains",
+    frozenset({Source(source), Source(other)}): press
+    for source, other, press in table_beside(Path(__file__).with_name("deciding"))
 }  # Which press would decide between two sources
 HUM = "a recording at rest with the drives off: only hum and steady tones remain"
 """Which recording would decide between them and another source."""
@@ -120,8 +92,6 @@ AGAIN = "more presses at the same speed: a mode of the bench returns at the same
 
 FULL = (20.0, 20000.0)  # Range of a frequency about which nothing is known (Hz)
 ODD = 0.05  # Weight of `FULL` in every source, and of its `band` beside a measured mode
-STRING_STD = 0.03  # Relative standard uncertainty of a string's frequency
-MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)  # Frequencies of mains hum (Hz)
 FLEXIBLE_PART = 0.25  # Probability that the key bends or heaves under an oscillating finger
 HIGHEST = 8e3  # Hz, of a string's partials, whose weight is 1 / f^2, as for a bent string
 
@@ -189,12 +159,10 @@ def _frequency(
     frequency, doubt = found.frequency, found.frequency_std / found.frequency
     anywhere = 1 / log(FULL[1] / FULL[0])
     if source is Source.STRING:
-        held, free = (
-            _partials(frequency, each, STRING_STD, doubt, 1 / each**2) for each in strings
-        )
+        held, free = (_partials(frequency, each, 0.03, doubt, 1 / each**2) for each in strings)
         likely = 0.8 * held + 0.2 * free
     elif source is Source.MAINS:
-        return _partials(frequency, MAINS, 0.004, doubt)
+        return _partials(frequency, (50.0, 60.0, 100.0, 120.0, 150.0, 180.0), 0.004, doubt)
     else:
         low, high = MODELS[source].band or FULL
         likely = 1 / log(high / low) if low <= frequency <= high else 0.0

@@ -16,11 +16,8 @@ from scipy.stats import chi2
 
 from sautereau.trajectory.motion import Floats
 
-MOST = 7  # Largest number of modes of a stretch, including those that are not oscillations
 MOST_DAMPING = 0.1  # Largest damping ratio of an oscillation
-BAND = 0.4  # Highest frequency of a mode, divided by the sampling rate
 LEAST_SAMPLES = 32  # Smallest number of samples of a stretch
-ORDER = 10  # Number of poles that ESPRIT estimates
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ def fit_modes(signals: Floats, rate: float, noise: Floats) -> StretchModes:
     poles = np.zeros(0)
     linear, left = fit.solve(poles)
     dof = white.size - linear.size
-    while len(poles) < 2 * MOST:
+    while len(poles) < 2 * 7:  # 7 modes, including those that are not oscillations
         start = _best_start(fit, poles, left)
         if start is None:
             break
@@ -119,7 +116,7 @@ class _Fit:
         self.duration = n / rate
         self.trend = np.polynomial.legendre.legvander(np.linspace(-1, 1, n), 4)
         self.slowest = 2 * np.pi * 3.0 / self.duration  # A slower oscillation is not reported
-        self.fastest = 2 * np.pi * BAND * rate
+        self.fastest = 2 * np.pi * 0.4 * rate  # Of the sampling rate
 
     def bounds(self, poles: Floats) -> tuple[Floats, Floats]:
         """Return the smallest and largest decays and angular frequencies, shape (poles,)."""
@@ -224,7 +221,7 @@ class _Fit:
 
 def _best_start(fit: _Fit, poles: Floats, left: Floats) -> Floats | None:
     """Return the poles with the pole of the residuals that explains most; None without one."""
-    found = esprit(left.T, ORDER) * fit.rate
+    found = esprit(left.T, 10) * fit.rate  # 10 poles
     decay, omega = -found.real, found.imag
     decay = np.clip(decay, 0, fit.fastest / 4)
     near = (omega > np.pi / fit.duration) & (omega < 0.98 * fit.fastest)

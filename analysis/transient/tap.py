@@ -28,9 +28,6 @@ LEAST_TAPS = 3  # Smallest number of taps
 LEAST_PEAK = 0.02  # Smallest peak force of a tap (N)
 OVER_NOISE = 8.0  # Smallest peak force of a tap, divided by the noise of the force
 BAND = (40.0, 2500.0)  # Frequencies between which modes are searched (Hz)
-MOST = 5  # Largest number of modes
-DAMPINGS = (0.01, 0.08)  # Damping ratios at which a mode is tried
-LEAST_GAIN = 0.7  # A mode is kept if it reduces the sum of squares below this fraction
 
 
 @dataclass(frozen=True)
@@ -138,11 +135,11 @@ def _modes(
     turn, found = 2 * np.pi * f, np.zeros((0, 2))
     before = float(np.sum(_left(turn, h, spread, found) ** 2))
     jacobian, cost = np.zeros((2 * len(f), 0)), before
-    for _ in range(MOST):
+    for _ in range(5):  # Modes at most
         table = [
             np.vstack([found, np.array([[at, damping]])])
             for at in np.geomspace(f[0], f[-1], 40)
-            for damping in DAMPINGS
+            for damping in (0.01, 0.08)  # Damping ratios
         ]
         start = min(table, key=lambda modes: float(np.sum(_left(turn, h, spread, modes) ** 2)))
         fitted = least_squares(
@@ -151,7 +148,8 @@ def _modes(
             bounds=(np.tile([f[0] / 2, 1e-4], len(start)), np.tile([f[-1] * 2, 0.95], len(start))),
             x_scale=np.maximum(start.ravel(), 1e-3),
         )
-        if 2 * fitted.cost > LEAST_GAIN * cost:
+        # A mode must reduce the sum of squares below this fraction.
+        if 2 * fitted.cost > 0.7 * cost:
             break
         found, cost, jacobian = fitted.x.reshape(-1, 2), 2 * float(fitted.cost), fitted.jac
     if not len(found):

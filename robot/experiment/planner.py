@@ -70,7 +70,7 @@ class Planner:
             if rig is row.rig or rig == row.rig:
                 return made
         rig = row.rig
-        expected, doubts = expected_of(rig)
+        expected, doubts, _ = expected_of(rig)
         pushed = self.files.get("feed_forward", "")
         if self._path:
             self.learned = read_learned(self._path, rig, pushed)

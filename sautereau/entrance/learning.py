@@ -138,7 +138,7 @@ class Learning:
             scene=bench.scene_text,
             files=files | ({"feed_forward": self._pushed} if feed_forward else {}),
         )
-        expected, doubts = expected_of(self._nominal)
+        expected, doubts, _ = expected_of(self._nominal)
         self._made = IterativeLearning(self._nominal, expected, n, measured=measured, notes=notes)
         self.warnings = (*doubts, *self._made.warnings)
 

@@ -12,7 +12,6 @@ from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.build import About, Again, build_report
 from sautereau.analysis.report.contents import Contents, PressRecord, gather
 from sautereau.analysis.report.tables import PATTERN, read_fit
-from sautereau.rig.disk import make_folder, sealed, write_durably
 from sautereau.rig.schema import Rig
 from sautereau.robot.experiment.plan import LEARNING, Plan
 from sautereau.robot.experiment.session import WARM_UPS
@@ -31,17 +30,6 @@ class Report:
     """Whether the stand-in made any of them."""
     left_out: dict[Path, str]
     """Recordings that could not be read, and why."""
-
-
-def write_report(
-    out: Path, recordings: Sequence[Path], folder: Path | None, warnings: Sequence[str], level: str
-) -> Report:
-    """Write the report of recordings; see `sautereau.entrance.session.Session.report`."""
-    page, contents = page_of(recordings, folder, warnings, level)
-    make_folder(out.parent)
-    write_durably(out, sealed(page), replace=True)
-    simulated = any(record.press.simulated for record in contents.presses)
-    return Report(out, len(contents.presses), simulated, dict(contents.unread))
 
 
 def page_of(

@@ -26,6 +26,7 @@ from sautereau.daq.file.reading import read_recording
 from sautereau.entrance.found import each, every, recordings_in, recordings_of
 from sautereau.entrance.press_file import PressFile
 from sautereau.rig import schema
+from sautereau.rig.disk import make_folder, sealed, write_durably
 from sautereau.rig.errors import SautereauError, require
 from sautereau.rig.progress import tracked
 
@@ -231,7 +232,7 @@ class Session(Shown, Sequence[PressFile]):
             MissingExtraError: A package of the extra `report` is not installed.
         """
         require("report", "report", "jinja2", "plotly")
-        from sautereau.entrance.report import write_report
+        from sautereau.entrance.report import Report, page_of
 
         if out is None and self.folder is None:
             raise AnalysisError(
@@ -240,7 +241,10 @@ class Session(Shown, Sequence[PressFile]):
             )
         page = Path(out) if out is not None else Path(self.folder or "") / PAGE
         paths = [press.path for press in self]
-        return write_report(page, paths, self.folder, self.warnings, level)
+        text, contents = page_of(paths, self.folder, self.warnings, level)
+        make_folder(page.parent)
+        write_durably(page, sealed(text), replace=True)
+        return Report(page, len(contents.presses), contents.simulated, dict(contents.unread))
 
     def package(
         self,

@@ -12,7 +12,7 @@ from benchmarks.independent import FORCE, press
 from benchmarks.simulated import judged_press
 from benchmarks.uncertain import NOMINAL, inertia_of, recorded
 from sautereau.analysis.identify.compliant import compliant
-from sautereau.analysis.identify.elastic import Bending, Mode, mode_parameters, noise_gain
+from sautereau.analysis.identify.elastic import Mode, bending, driven, mode_parameters, noise_gain
 from sautereau.analysis.identify.fit import inverse_dynamics
 from sautereau.analysis.identify.identified import identify
 from sautereau.analysis.identify.parameters import (
@@ -34,7 +34,9 @@ def test_a_mode_follows_its_equation_from_its_state_at_the_lift():
     finger = 0.3 * np.sin(2 * np.pi * 25 * np.clip(time, 0, 0.02)) ** 2
     strings = 0.02 * np.clip(time / 0.03, 0, 1) ** 2
     press = Mock(substep_time=time, lift_off=0.0, step=1 / 8e3, substep_force=lambda _: finger)
-    angle, rise = Bending([mode], press, 0.0, 1.0, ARM, INERTIA).by(strings)
+    angle, rise = bending(
+        [mode], INERTIA, driven([mode], press, 0.0, 1.0, ARM), strings, press.step
+    )
     turn = 2 * np.pi * mode.frequency
 
     def push(t):

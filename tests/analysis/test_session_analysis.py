@@ -13,7 +13,7 @@ import sautereau as st
 from sautereau.analysis.campaign.run import run_campaign
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.report.contents import gather
-from sautereau.analysis.results.comparison import Comparison, analysis_lines, pair_lines
+from sautereau.analysis.results.comparison import Comparison, pair_lines
 from sautereau.analysis.session.analysed import analyse_file
 from sautereau.analysis.session.conditions import analyse
 from sautereau.analysis.session.difference import difference, side_by_side
@@ -48,7 +48,7 @@ def test_report_comparison_and_table_have_the_same_digits(four, tmp_path):
     session = st.open(folder)
     assert session.compare().document == found
     contents = gather([press.path for press in session], "elastica")
-    assert Comparison(contents.analysis).document == found
+    assert Comparison(contents).document == found
     frame = session.features
     mean = found["conditions"][0]["features"]["release_force"]["measured"]
     assert frame["release_force"].mean() == pytest.approx(mean, rel=1e-15)
@@ -275,7 +275,7 @@ def test_conditions_of_two_sets_are_paired_by_what_varies(four):
     assert [pair.first.rig.press.jack_speed for pair in pairs] == [0.072, 0.08]
     assert [set(pair.changed) for pair in pairs] == [{"plectrum.thickness"}] * 2
     assert pair_lines(pairs[1])[0] == "press.jack_speed = 0.08 m/s:"
-    assert "press.jack_speed = 0.072 m/s:" in analysis_lines(first)
+    assert "press.jack_speed = 0.072 m/s:" in Comparison(first).lines()
     other = analyse(on_rig(presses, with_values(rig, {"press.jack_speed": "0.06 m/s"})))
     with pytest.raises(AnalysisError, match=r"not pooled[\s\S]*jack_speed = 0\.08 m/s"):
         side_by_side(first, other)

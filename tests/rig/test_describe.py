@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from sautereau.rig.acquisition import NAMES
+from sautereau.rig.acquisition import BUILT_IN
 from sautereau.rig.faults import model_keys
 from sautereau.rig.load import load_rig, parse_rig, with_values
 from sautereau.rig.schema import Rig
@@ -51,7 +51,7 @@ def test_every_key_says_what_it_is(model):
         (
             "daq.channels.quantity",
             "",
-            f"one of {', '.join(NAMES)}",
+            f"one of {', '.join(vars(BUILT_IN))}",
             None,
             "",
         ),

@@ -21,7 +21,6 @@ from sautereau.analysis.model.plectrum.table import TURN, Samples, Table
 from sautereau.rig.instrument import Plectrum
 
 DRAGS, LOADS, POSITIONS = 9, 20, 6  # Nodes of a table over T, over q, and over s in each part
-PARTS = 8  # Largest number of parts; it is doubled from 1 until the table is accurate
 STEPS = 96  # Least number from tip to clamp; the method's error falls as its 4th power
 
 
@@ -92,7 +91,8 @@ def tapered_table(profile: Profile, nearest: float) -> Table:
 def samples(profile: Profile, nearest: float, q_max: float, at_surface: bool = False) -> Samples:
     """Return the table of a profile at its nodes, with more parts until it is accurate."""
     found = _samples(profile, nearest, q_max, at_surface, 1)
-    while found.error > 1e-6 and (parts := 2 * found.laws.shape[3]) <= PARTS:  # Between its nodes
+    # Doubled up to 8 parts until the error between the nodes is small.
+    while found.error > 1e-6 and (parts := 2 * found.laws.shape[3]) <= 8:
         found = _samples(profile, nearest, q_max, at_surface, parts)
     return found
 
@@ -153,7 +153,6 @@ def _middle(profile: Profile, x: Floats) -> Floats:
     return np.add(*profile.edges(x)) / 2
 
 
-POINTS = 8  # Evenly spaced sections of a drawing from the clamp to the string
 BETWEEN = 4  # Steps of the integration between two sections
 
 
@@ -179,7 +178,8 @@ def bent(plectrum: Plectrum, s: Floats, force: Floats, drag: Floats) -> Floats:
     kinks = profile.x[(profile.x > 0) & (profile.x < place.min(initial=1.0))]
     # At more kinks there are no further sections.
     kinks = np.tile(kinks if len(kinks) <= 12 else [], (len(s), 1))
-    drawn = np.sort(np.hstack([place * np.linspace(0.0, 1.0, POINTS), kinks]), axis=1)
+    # 8 evenly spaced sections from the clamp to the string.
+    drawn = np.sort(np.hstack([place * np.linspace(0.0, 1.0, 8), kinks]), axis=1)
     count = BETWEEN * (drawn.shape[1] - 1)
     x = np.ones((len(s), count + 2))
     share = np.arange(count + 1) / BETWEEN

@@ -25,7 +25,6 @@ AT_END = np.array([3, -16, 36, -48, 25]) / 12
 """Weights of the last five points of a stretch in its slope at the end, by backward differences of
 order 4; the points are even in the load."""
 STICKING_STEPS = 40  # Most iterations of the drag of a string that sticks; 4 to 6 are usual
-CLOSE = 1e-12  # Dimensionless tolerance on that drag
 
 
 @dataclass(frozen=True)
@@ -189,7 +188,7 @@ class Equilibria:
             back = np.divide(self.rest - at.x, pull, out=np.zeros_like(pull), where=pull > 0)
             before, needed = needed, (at.sine + back) / at.cosine
             miss = needed - drag
-            if np.all(np.abs(miss) <= CLOSE) or step == STICKING_STEPS - 1:
+            if np.all(np.abs(miss) <= 1e-12) or step == STICKING_STEPS - 1:
                 break
             if step == 1:
                 moved = np.where(drag, drag, np.inf)

@@ -26,7 +26,6 @@ from sautereau.analysis.model.pluck.equilibria import AT_END, Curve, Equilibria
 from sautereau.analysis.model.pluck.loaded import plectra_of, shape_of
 from sautereau.analysis.model.pluck.paths import Paths, Status, lasts, solve_paths
 
-POINTS = 201  # Points of a stretch of the pluck
 STIFFNESS_RANGE = (1e-3, 1e12)  # N/m, of a string that a plectrum can pluck
 OVERLAP_MAX = 0.9999  # Of the length; nearer to the clamp a string is lifted without bending
 
@@ -120,7 +119,7 @@ def solve_plucks(cases: Sequence[tuple[PlectrumMap, float, float]]) -> list[Pluc
         plectra, *values = zip(*(cases[k] for k in rows), strict=True)
         stiffness, overlap = np.array(values)
         equilibria = Equilibria(plectra_of(plectra, overlap), stiffness, overlap)
-        paths = solve_paths(equilibria, POINTS)
+        paths = solve_paths(equilibria, 201)  # Points of a stretch
         for row, k in enumerate(rows):
             try:
                 found[k] = _followed(paths, row, *cases[k])

@@ -111,7 +111,6 @@ STEP_FRACTION_MAX = 0.35
 more than the omitted ones. Force and modes of a stiff plectrum then excite each other from step to
 step."""
 NEWTON_STEPS = 40  # Maximum per time step; 2 are usual
-CLOSE = 1e-9  # Tolerance on Newton's last step, in lengths; the error is about its square
 
 
 class Carry(NamedTuple):
@@ -248,7 +247,8 @@ class ModalContact:
             det = x_s * z_f - x_f * z_s
             ds, df = (across * z_f - along * x_f) / det, (along * x_s - across * z_s) / det
             s, f = s - ds, f - df
-            if abs(ds) + abs(df * z_f) <= CLOSE * self.length and f >= 0:
+            # In lengths; the error is about the square of the last step.
+            if abs(ds) + abs(df * z_f) <= 1e-9 * self.length and f >= 0:
                 out, up = out - out_s * ds - out_f * df, up - up_s * ds - up_f * df
                 return Found(s, f, f * out, f * up)
         return Found(math.nan, 0.0, 0.0, 0.0)

@@ -15,8 +15,6 @@ from sautereau.analysis.errors import ModelError
 from sautereau.analysis.model.plectrum.base import Floats
 from sautereau.analysis.model.plectrum.fe.mesh import Grid, Patch
 
-ITERATIONS = 12  # Maximum per load step
-
 
 class Elastic(NamedTuple):
     """A material, isotropic or with fibres along the plectrum; moduli in units of that along it."""
@@ -168,7 +166,7 @@ def iterates(body: Body, patch: Patch, force: float, u: Floats):
     from scipy.linalg import LinAlgError, solve_banded
 
     free, width = slice(body.clamped, None), body.band
-    for _ in range(ITERATIONS):
+    for _ in range(12):  # Per load step
         internal, band = body.linearised(u)
         load = force * patch.unit_load(u)
         residual = (load - internal)[free]
