@@ -312,8 +312,7 @@ def prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
             ' use finger = "ideal" or "servo"'
         )
     elif scene.faults is not None:
-        quantities = {channel.quantity for channel in rig.daq.channels}
-        faults += scene.faults.conflicts(scene.finger, quantities)
+        faults += scene.faults.conflicts(scene, rig)
     unit = {} if scene.controller is None else {"unit": scene.controller}
     try:
         emulator_of(rig.controller.kind, **unit)
