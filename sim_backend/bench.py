@@ -201,6 +201,14 @@ class Bench:
         return self.world.time - self._last_motion < 2.0 and not self.world.finger.settled
 
     @property
+    def line_busy(self) -> bool:
+        """Whether simulated time must not run ahead of real time, as on a line that takes time.
+
+        The host renews the watchdog in real time, and a watchdog counts while the line is busy.
+        """
+        return self.firmware.line_busy
+
+    @property
     def awaited(self) -> bool:
         """Whether a thread waits for samples that are complete."""
         return self.card.awaited
