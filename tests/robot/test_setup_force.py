@@ -20,6 +20,7 @@ from sautereau.robot.experiment.setup import force
 from sautereau.robot.experiment.setup.force import proof_of, prove_force
 from sautereau.robot.experiment.setup.tap import tap_key
 from sautereau.sim_backend.bench import StandIn
+from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.parts import Weight
 from sautereau.sim_backend.scene import load_scene
 from tests.presses import MUTE_TEXT, QUICK, QUICK_TEXT, mute_scene
@@ -210,7 +211,7 @@ def test_taps_of_a_finger_with_a_fixture_are_doubted():
 @pytest.mark.slow
 def test_taps_of_a_rigid_key_show_no_mode():
     """Its fall after the taps was one at 64 Hz."""
-    with StandIn(with_values(load_rig(), QUICK), mute_scene(), seed=1) as served:
+    with StandIn(with_values(load_rig(), QUICK), load_scene("ideal"), seed=1) as served:
         found = tap_key(served.rig, Operator())
     assert any("left its rest for up to" in line for line in found.lines)
     assert "these taps show no mode of 40 to 2500 Hz" in found.warnings[-1]
