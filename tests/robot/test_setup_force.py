@@ -20,7 +20,6 @@ from sautereau.robot.experiment.setup import force
 from sautereau.robot.experiment.setup.force import proof_of, prove_force
 from sautereau.robot.experiment.setup.tap import tap_key
 from sautereau.sim_backend.bench import StandIn
-from sautereau.sim_backend.scene import load_scene
 from sautereau.sim_backend.parts import Weight
 from sautereau.sim_backend.scene import load_scene
 from tests.presses import MUTE_TEXT, QUICK, QUICK_TEXT, mute_scene
