@@ -101,7 +101,7 @@ def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, del
     must_be_aligned(path)
     for channel in read_recording(path).rig.daq.channels:
         said = corrections(channel)
-        assert (f"{channel.input_delay * 1e6:.4g} us" in said) == bool(channel.input_delay)
+        assert (f"{channel.input_delay * 1e6:.4g} µs" in said) == bool(channel.input_delay)
 
 
 def recorded(rig, card, path):
