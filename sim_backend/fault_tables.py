@@ -7,16 +7,13 @@ stand-in's seed.
 
 from itertools import combinations
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from sautereau.rig.faults import Condition, without_effect
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import Force, Frequency, Section, Time, Unit
-
-if TYPE_CHECKING:
-    from sautereau.sim_backend.scene import Scene
 
 SERVO = (Condition("scene.finger", ("servo",)),)  # Else there are no motors and encoders
 WIRED = (
@@ -270,7 +267,7 @@ class Faults(Section):
         names = (name for name in type(self).model_fields if getattr(self, name) is not None)
         return {name: getattr(getattr(self, name), "switch", None) for name in names}
 
-    def conflicts(self, scene: "Scene", rig: Rig) -> list[str]:
+    def conflicts(self, scene: Section, rig: Rig) -> list[str]:
         """Return the faults that cannot occur on a bench, each with how to fix it."""
         bench = SimpleNamespace(scene=scene, rig=rig)
         idle = without_effect(self._given, CAN_OCCUR_IF, bench)
