@@ -69,7 +69,6 @@ class FreeRun(PacedRun):
 class Card:
     """A card with sixteen inputs, in real time or not."""
 
-    chassis = ""
     modules = (Module("Dev1", IDEAL, tuple(f"ai{n}" for n in range(SIXTEEN))),)
 
     def __init__(self, paced: bool):

@@ -122,15 +122,16 @@ def servo_scene(ideal: Scene) -> Scene:
 
 
 def _scene(engine: Engine, step: float, friction: bool, felt: bool, **finger: Any) -> Scene:
-    document = {
+    document: dict[str, Any] = {
         "plectrum": "elastica",
         "string": "spring",
         "friction": friction,
         "felt": felt,
         "engine": engine,
         "step": f"{step!r} s",
-        "iterations": 30,
     }
+    if engine != "exact":
+        document["iterations"] = 30
     return Scene.model_validate(document | finger)
 
 

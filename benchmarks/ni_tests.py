@@ -118,7 +118,7 @@ class SineRun:
 class SineCard:
     """A simulated device."""
 
-    chassis, paced = "", True
+    paced = True
 
     def __init__(self, product: str):
         device = DEVICE_TYPES[product]

@@ -1,10 +1,12 @@
 """Faults of a TOML document: each with its line, key and value, and how to fix it."""
 
 import difflib
+import json
 import re
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple, get_args
 
@@ -33,6 +35,52 @@ class Place(NamedTuple):
         parts = [self.file, f"line {self.line}" if self.line else ""]
         where = ", ".join(filter(None, parts))
         return f"{where}: {fault}" if where else fault
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One value of a document, without which another one has no effect."""
+
+    key: str
+    """Its dotted key."""
+    values: tuple[object, ...] = ()
+    """Those with which the other acts, the first of which is suggested; empty for all but `but`."""
+    but: tuple[object, ...] = (None, 0, "", (0.0, 0.0))
+
+    def holds(self, document: object) -> bool:
+        """Return whether a document, a table or a namespace of tables, has such a value."""
+        for part in self.key.split("."):
+            document = getattr(document, part, None)
+        return document in self.values if self.values else document not in self.but
+
+    def __str__(self) -> str:
+        if self.values:
+            return f"{self.key} = {json.dumps(self.values[0])}"
+        return (
+            f"{self.key} other than {json.dumps(self.but[0])}" if len(self.but) == 1 else self.key
+        )
+
+
+ActsIf = Mapping[str, tuple[Condition, ...]]
+"""By the beginning of a value in TOML, `key = value`, the conditions of which one must hold."""
+
+
+def without_effect(
+    given: Mapping[str, object], acts_if: ActsIf, document: object
+) -> Iterator[tuple[str, str]]:
+    """Yield the keys of values that have no effect, each with the reason and how to fix it.
+
+    Args:
+        given: Values by dotted key.
+        document: With the values of the conditions.
+    """
+    for key, value in given.items():
+        text = f"{key} = {json.dumps(value, default=str)}"
+        for start, conditions in acts_if.items():
+            if text.startswith(start) and not any(one.holds(document) for one in conditions):
+                needed = " or ".join(map(str, conditions))
+                yield key, f"it has no effect without {needed}; set that, or remove it"
+                break
 
 
 def in_text(text: str) -> Callable[[str], Place]:

@@ -10,7 +10,14 @@ from typing import Any
 from sautereau.rig.disk import named_text, table_beside
 from sautereau.rig.document import current_key, rig_document, validated
 from sautereau.rig.errors import RigError
-from sautereau.rig.faults import bare_key, model_keys, near_miss, unit_of
+from sautereau.rig.faults import (
+    Condition,
+    bare_key,
+    model_keys,
+    near_miss,
+    unit_of,
+    without_effect,
+)
 from sautereau.rig.layers import Layers, read_toml
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import Section, parse_quantity, readable_quantity, shown
@@ -21,6 +28,14 @@ USUAL = {
     for key, unit, least, most, _ in table_beside(Path(__file__).with_name("usual"))
 }
 """Unit and range of values that plucked instruments have: others are asked to be confirmed."""
+ACTS_IF = {
+    "arm.gear_ratios": (
+        Condition("arm.rotor_inertias"),
+        Condition("controller.home_index", (True,)),
+        Condition("controller.kind", but=("galil",)),  # counts the motors' revolutions
+    ),
+}
+"""Values with which others act."""
 PARTS = "key", "jack", "plectrum", "string"
 
 
@@ -137,7 +152,12 @@ def _is_key(key: str) -> bool:
 
 
 def _unusual(rig: Rig) -> Iterator[tuple[str, str]]:
-    """Yield keys whose values no instrument has, such as those in a wrong unit, and what to do."""
+    """Yield keys of values without effect, or that no instrument has, and what to do."""
+    for key in ACTS_IF:
+        table, _, name = key.partition(".")
+        section = getattr(rig, table)
+        if (value := getattr(section, name)) != type(section).model_fields[name].default:
+            yield from without_effect({key: value}, ACTS_IF, rig)
     tables: list[tuple[str, str, Section]] = [(part, part, getattr(rig, part)) for part in PARTS]
     for n, choir in enumerate(rig.more_choirs):
         of = f"more_choirs.{n}"

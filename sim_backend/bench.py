@@ -201,6 +201,14 @@ class Bench:
         return self.world.time - self._last_motion < 2.0 and not self.world.finger.settled
 
     @property
+    def line_busy(self) -> bool:
+        """Whether simulated time must not run ahead of real time, as on a line that takes time.
+
+        The host renews the watchdog in real time, and a watchdog counts while the line is busy.
+        """
+        return self.firmware.line_busy
+
+    @property
     def awaited(self) -> bool:
         """Whether a thread waits for samples that are complete."""
         return self.card.awaited
@@ -312,8 +320,7 @@ def prepared(rig: Rig, scene: Scene) -> tuple[Scene, str]:
             ' use finger = "ideal" or "servo"'
         )
     elif scene.faults is not None:
-        quantities = {channel.quantity for channel in rig.daq.channels}
-        faults += scene.faults.conflicts(scene.finger, quantities)
+        faults += scene.faults.conflicts(scene, rig)
     unit = {} if scene.controller is None else {"unit": scene.controller}
     try:
         emulator_of(rig.controller.kind, **unit)

@@ -1,23 +1,26 @@
 """The bench's DAQ card: it arms acquisitions, and feeds them with the motion of the bench."""
 
-import re
 from collections.abc import Callable
 
 from sautereau.rig.acquisition import Daq
-from sautereau.rig.schema import Rig
 from sautereau.sim_backend.device_types import DEVICE_TYPES
-from sautereau.sim_backend.devices.daqmx.card import DaqmxError, Module, TaskSetup
+from sautereau.sim_backend.devices.daqmx.card import (
+    DaqmxError,
+    Module,
+    TaskSetup,
+    chassis_in,
+)
 from sautereau.sim_backend.devices.daqmx.runs import RetriggeredRun, SampledRun, Wiring
 from sautereau.sim_backend.fault_injection import FaultInjection
 from sautereau.sim_backend.physics.events import Motions
 
 
-def _chassis_name(rig: Rig) -> str:
-    """Return the chassis that the rig's trigger source or the name of its module names."""
-    if rig.daq.trigger_source.startswith("/"):
-        return rig.daq.trigger_source.split("/")[1]
-    name = re.fullmatch(r"(.+)Mod\d+", rig.daq.devices[0])
-    return name[1] if name else "cDAQ1"
+def _chassis(daq: Daq, module: str) -> str:
+    """Return the chassis of a module: one in its name, else that of the rig's trigger source."""
+    own, first = chassis_in(module), chassis_in(daq.devices[0])
+    if daq.trigger_source.startswith("/") and own in ("", first):
+        return daq.trigger_source.split("/")[1]
+    return own or first or "cDAQ1"
 
 
 def _inputs(daq: Daq, device: str, number: int | None) -> tuple[str, ...]:
@@ -38,12 +41,14 @@ class BenchCard:
     def __init__(self, wiring: Wiring, injection: FaultInjection, now: Callable[[], float]):
         daq = wiring.rig.daq
         products = wiring.scene.products(daq)
+        types = {name: DEVICE_TYPES[product] for name, product in products.items()}
         self.modules = tuple(
-            Module(name, DEVICE_TYPES[product], _inputs(daq, name, DEVICE_TYPES[product].inputs))
-            for name, product in products.items()
+            Module(
+                *(name, device, _inputs(daq, name, device.inputs)),
+                chassis=_chassis(daq, name) if device.in_chassis else "",
+            )
+            for name, device in types.items()
         )
-        in_chassis = any(module.device.in_chassis for module in self.modules)
-        self.chassis = _chassis_name(wiring.rig) if in_chassis else ""
         self.paced = wiring.paced
         self.runs: list[SampledRun] = []
         """Acquisitions that are not over, and those that ended since the last start."""

@@ -43,7 +43,7 @@ class Clock:
 
     Args:
         bench: What it advances, as `sautereau.sim_backend.bench.Bench`: with `time` [s], `busy`,
-            `awaited` and `tick`.
+            `line_busy`, `awaited` and `tick`.
         lock: Held while it advances; notified after each slice.
         paced: Whether simulated time follows real time.
         on_failure: Called, under the lock, when the bench has failed.
@@ -89,6 +89,7 @@ class Clock:
                 # caught up would have samples before their time.
                 if idle or late > 2e-4:
                     self._ahead += late
+                before = bench.time
                 try:
                     self._advance()
                 except Exception as error:  # noqa: BLE001 - reported by the bench's next call
@@ -96,14 +97,13 @@ class Clock:
                     self._on_failure(error)
                 self._lock.notify_all()
             # Outside the lock, and long enough for waiting threads to run.
-            time.sleep(max(0.0, bench.time - self.passed) if self._paced else 0)
+            since = self.passed if self._paced else before if bench.line_busy else bench.time
+            time.sleep(max(0.0, bench.time - since))
 
     def _advance(self) -> None:
-        """Do one sample if paced; else as many as 2 ms allow while no thread waits."""
+        """Do one sample in real time; else as many as 2 ms allow while no thread waits."""
         bench = self._bench
         bench.tick()
-        if self._paced:
-            return
-        end = time.perf_counter() + 2e-3
-        while bench.busy and not bench.awaited and time.perf_counter() < end:
+        end = time.perf_counter() + 2e-3 * (not self._paced)
+        while bench.busy and not (bench.awaited or bench.line_busy) and time.perf_counter() < end:
             bench.tick()

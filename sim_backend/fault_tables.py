@@ -6,13 +6,47 @@ stand-in's seed.
 """
 
 from itertools import combinations
-from typing import Annotated, Literal
+from types import SimpleNamespace
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from sautereau.rig.faults import Condition, without_effect
+from sautereau.rig.schema import Rig
 from sautereau.rig.units import Force, Frequency, Section, Time, Unit
 
+SERVO = (Condition("scene.finger", ("servo",)),)  # Else there are no motors and encoders
+WIRED = (
+    Condition("scene.controller.limit_switches", (True,)),
+    Condition("scene.faults.switch_closed.switch", ("forward", "reverse")),
+    Condition("scene.faults.switch_polarity.switch", ("limit",)),
+)
+"""Without any of them no current flows in the inputs of the limit switches."""
+CAN_OCCUR_IF = {
+    "stall": SERVO,
+    "slip": SERVO,
+    "encoder_loss": SERVO,
+    "encoder_sign": SERVO,
+    "encoders_swapped": SERVO,
+    "index_missing": (Condition("rig.controller.home_index", (True,)),),
+    'switches_swapped = "limit"': WIRED[:2],  # both inputs have the same polarity
+    'switch_cut = "forward"': WIRED,
+    'switch_cut = "reverse"': WIRED,
+}
+"""Parts of scene and rig with which faults, of those switches, can occur."""
+
 Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+class _Sized(Section):
+    acts_if: ClassVar[tuple[Condition, ...]]
+    """Values of which one is needed for an effect."""
+
+    @model_validator(mode="after")
+    def _acts(self):
+        for _, why in without_effect({"": None}, {"": self.acts_if}, self):
+            raise ValueError(why)
+        return self
 
 
 class _InPress(Section):
@@ -57,8 +91,10 @@ class _JointSince(_Since, _OnJoint):
     pass
 
 
-class LineFault(Section):
+class LineFault(_Sized):
     """A bad serial line: bytes are lost or changed, answers are late."""
+
+    acts_if = tuple(Condition(name, but=(0,)) for name in ("dropped", "flipped", "delay"))
 
     dropped: Fraction = 0.0
     """Probability that a byte is lost."""
@@ -70,12 +106,6 @@ class LineFault(Section):
     """s of real time, by which every answer is late."""
     press: int = Field(default=0, ge=0)
     """Press at whose trigger edge the fault starts; 0 for the first byte."""
-
-    @model_validator(mode="after")
-    def _does_something(self):
-        if not (self.dropped or self.flipped or self.delay):
-            raise ValueError("dropped, flipped, delay: all are zero; give one, or remove the table")
-        return self
 
 
 class CableOut(Section):
@@ -98,8 +128,10 @@ class CableOut(Section):
         return self
 
 
-class Speckle(Section):
+class Speckle(_Sized):
     """Drop-outs of the vibrometer, which loses its light."""
+
+    acts_if = Condition("level", but=(1,)), Condition("spike", but=(0,))
 
     rate: Frequency = Field(gt=0, le=1e5)
     """Hz, mean rate of the drop-outs, which come at random times."""
@@ -120,8 +152,10 @@ class Overload(Section):
     """s, for which the output stays at the limit after the force has fallen."""
 
 
-class Drift(Section):
+class Drift(_Sized):
     """The force transducer drifts from the trigger on."""
+
+    acts_if = (Condition("rate", but=(0,)),)
 
     rate: Annotated[float, Unit("N/s", "20 mN/s")]
     """N/s, of the force that is added."""
@@ -134,9 +168,11 @@ class SensorSign(Section):
     """Measured by the sensor."""
 
 
-class Slip(_JointAtTime):
+class Slip(_JointAtTime, _Sized):
     """An encoder slips on its shaft. The loop moves the joint by the same angle in the opposite
     direction, where the home switch is then found."""
+
+    acts_if = (Condition("counts", but=(0,)),)
 
     counts: int = Field(ge=-1_000_000, le=1_000_000)
     """Offset of its readings from then on."""
@@ -225,19 +261,18 @@ class Faults(Section):
             raise ValueError("\n".join(faults))
         return self
 
-    def conflicts(self, finger: str, quantities: set[str]) -> list[str]:
-        """Return the faults that cannot occur on a bench, each with how to fix it.
+    @property
+    def _given(self) -> dict[str, object]:
+        """The faults by name, each with its switch, if it is one of a switch."""
+        names = (name for name in type(self).model_fields if getattr(self, name) is not None)
+        return {name: getattr(getattr(self, name), "switch", None) for name in names}
 
-        Args:
-            quantities: Measured by the rig's channels.
-        """
-        faults = []
-        for name in ("stall", "slip", "encoder_loss", "encoder_sign", "encoders_swapped"):
-            if getattr(self, name) is not None and finger != "servo":
-                faults.append(
-                    f'faults.{name}: finger = "{finger}" has no motors and encoders; use'
-                    ' finger = "servo", or remove the table'
-                )
+    def conflicts(self, scene: Section, rig: Rig) -> list[str]:
+        """Return the faults that cannot occur on a bench, each with how to fix it."""
+        bench = SimpleNamespace(scene=scene, rig=rig)
+        idle = without_effect(self._given, CAN_OCCUR_IF, bench)
+        faults = [f"faults.{name}: {why}" for name, why in idle]
+        quantities = {channel.quantity for channel in rig.daq.channels}
         needed = {"speckle": "velocity", "overload": "force", "drift": "force"}
         if self.sensor_sign is not None:
             needed["sensor_sign"] = self.sensor_sign.quantity

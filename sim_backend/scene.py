@@ -1,6 +1,5 @@
 """A scene: what the stand-in simulates, and with which step or accuracy."""
 
-import json
 import re
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
@@ -14,7 +13,7 @@ from sautereau.rig.acquisition import Daq
 from sautereau.rig.disk import named_text, packaged_names
 from sautereau.rig.document import flat
 from sautereau.rig.errors import RigError
-from sautereau.rig.faults import in_text, validating
+from sautereau.rig.faults import Condition, in_text, validating, without_effect
 from sautereau.rig.instrument import Choir
 from sautereau.rig.layers import read_toml, refuse_other
 from sautereau.rig.load import with_values
@@ -49,17 +48,27 @@ UNUSED = (
     *("arm.jerk_limit", "arm.mount_x", "arm.mount_z"),
 )
 """Keys of an instrument and an arm on which no simulated part depends."""
-PARTS = {
-    "jack.tongue.": ("tongue", True),
-    "jack.damper.": ("damper", True),
-    "key.felt_": ("felt", True),
-    "key.pivot_": ("friction", True),
-    "jack.register_friction": ("friction", True),
-    "arm.fingertip_friction": ("friction", True),
-    "string.frequency": ("string", "modal"),
-    "string.inharmonicity": ("string", "modal"),
+FRICTION, MODAL = Condition("friction", (True,)), Condition("string", ("modal", "auto"))
+TRUTH_ACTS_IF = {
+    "jack.tongue.": (Condition("tongue", (True,)),),
+    "jack.damper.": (Condition("damper", (True,)),),
+    "key.felt_": (Condition("felt", (True,)),),
+    "key.pivot_": (FRICTION,),
+    "jack.register_friction": (FRICTION,),
+    "arm.fingertip_friction": (FRICTION,),
+    "string.frequency": (MODAL,),
+    "string.inharmonicity": (MODAL,),
 }
-"""Settings of a scene that the keys with these beginnings need."""
+"""Settings of a scene with which values of an instrument and an arm act."""
+SERVO = Condition("finger", ("servo",))
+ACTS_IF = {
+    "push": (Condition("finger", ("push",)),),
+    "servo": (SERVO,),
+    "joints": (SERVO,),
+    "fingertip": (Condition("finger", ("ideal", "servo")),),
+    "iterations": (Condition("engine", ("rigid", "auto")),),
+}
+"""Settings of a scene with which others act."""
 
 
 def _accuracy(text: str) -> str:
@@ -117,7 +126,7 @@ class Scene(Section):
     accuracy: Annotated[str, AfterValidator(_accuracy)] | None = None
     """Instead of a step: largest error of events ("10 us") or of forces ("0.1 %")."""
     iterations: int = Field(default=10, ge=1, le=1000)
-    """Iterations of the rigid bodies' constraint solver, per step."""
+    """Iterations of the rigid bodies' constraint solver, per step; not with `engine = "exact"`."""
     push: Push | None = None
     """Only with `finger = "push"`, which needs it."""
     servo: Servo | None = None
@@ -158,7 +167,11 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _parts_fit(self):
-        faults = [*self._finger_faults()]
+        fields = type(self).model_fields
+        given = {name: getattr(self, name) for name in ACTS_IF}
+        given = {name: value for name, value in given.items() if value != fields[name].default}
+        faults = [f"{key}: {why}" for key, why in without_effect(given, ACTS_IF, self)]
+        faults += self._finger_faults()
         if (self.plectrum == "none") != (self.string == "none"):
             faults.append(
                 f'plectrum: "{self.plectrum}" and string = "{self.string}" contradict each other;'
@@ -177,26 +190,9 @@ class Scene(Section):
         return self
 
     def _finger_faults(self) -> Iterator[str]:
-        """Yield where the tables do not fit the chosen finger."""
-        for part in ("push", "servo"):
-            given = getattr(self, part) is not None
-            if self.finger == part and not given:
-                yield f'finger: "{part}" needs the table [{part}]; add it'
-            if self.finger != part and given:
-                yield (
-                    f'{part}: only finger = "{part}" uses this table, and finger is'
-                    f' "{self.finger}"; remove it, or change finger'
-                )
-        if self.joints is not None and self.finger != "servo":
-            yield (
-                f'joints: finger = "{self.finger}" has no motors; remove the table, or use finger ='
-                ' "servo"'
-            )
-        if self.finger == "push" and self.fingertip is not None:
-            yield (
-                'fingertip: finger = "push" is a force without a fingertip; remove the table, or'
-                " change finger"
-            )
+        """Yield what the chosen finger lacks."""
+        if self.finger != "ideal" and getattr(self, self.finger) is None:
+            yield f'finger: "{self.finger}" needs the table [{self.finger}]; add it'
         if self.finger == "ideal" and self.fingertip is None and self.play is not None:
             yield (
                 'play: the rigid fingertip of finger = "ideal" prescribes the angle of a key on a'
@@ -331,16 +327,10 @@ class Scene(Section):
         return true
 
     def _truth_without_effect(self) -> Iterator[str]:
-        for key in self.truth:
+        for key, value in self.truth.items():
             own = re.sub(r"^more_choirs\.\d+\.", "", key)  # of a further string, as of the first
-            part, needed = next(
-                (need for key, need in PARTS.items() if own.startswith(key)), ("", "")
-            )
-            if part and getattr(self, part) not in (needed, "auto"):
-                yield (
-                    f"{key}: it has no effect without {part} = {json.dumps(needed)} in the scene;"
-                    " set that, or remove the value"
-                )
+            if idle := dict(without_effect({own: value}, TRUTH_ACTS_IF, self)):
+                yield f"{key}: {idle[own]}"
             elif own.startswith(UNUSED):
                 servo = "; the gains of its position loops are in the scene's table [servo]"
                 yield (

@@ -60,9 +60,8 @@ class Card:
         self, inputs=2, *, ready=None, fault=None, paced=True, device=IDEAL, measured=volts
     ):
         self.volts = measured
-        self.chassis = "cDAQ1" if device.in_chassis else ""
-        name = "cDAQ1Mod1" if device.in_chassis else "Dev1"
-        self.modules = (Module(name, device, tuple(f"ai{n}" for n in range(inputs))),)
+        name, chassis = ("cDAQ1Mod1", "cDAQ1") if device.in_chassis else ("Dev1", "")
+        self.modules = (Module(name, device, tuple(f"ai{n}" for n in range(inputs)), chassis),)
         self.ready, self.fault, self.paced = ready, fault, paced
         self.acquired = lambda run: run.wait_for(0, 0)
         self.runs = []

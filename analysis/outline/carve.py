@@ -3,12 +3,13 @@
 The depth is a cubic spline over the length, whose knots are a knife's stroke apart: zero with its
 slope at the root, nowhere negative because its coefficients are not. Least squares of logarithms of
 the requested quantities, with little weight on bends and amount of the depth, choose among the
-carvings that reach them. Derivatives are those of the finite elements' table by each coefficient.
+carvings that reach them: linear least squares between the bounds, step by step. Derivatives are
+those of the finite elements' table by each coefficient.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -27,9 +28,10 @@ from sautereau.rig.progress import tracked
 from sautereau.rig.schema import Rig
 
 ROOT = 0.1  # Fraction of the length from the clamp in which nothing is cut
-UNIT = 1e-4  # m, of the coefficients of the depth, and of the optimiser's first steps
+UNIT = 1e-4  # m, of the coefficients of the depth
 TARGET_STD = 5e-4  # Relative deviation from a target that weighs as much as a bend of one `UNIT`
 STEP = 1e-6  # m, of the depth, for derivatives of the press by the table's derivatives
+LEAST_STEP = 1e-6  # m, a step that needs no further one
 MOST_STEPS = 20
 
 Observe = Callable[[Rig, Prediction], Floats]  # Logarithms, or relative deviations
@@ -173,42 +175,34 @@ def carve(
     Raises:
         ModelError: The plectrum has no pluck before it is cut.
     """
-    from scipy.optimize import least_squares
+    from scipy.optimize import lsq_linear
 
     count = len(cut.most)
     # Bends from the root, where the depth is zero, to the tip.
     bends = np.diff(np.eye(count + 2, count, -2), 2, axis=0)
     gentle = np.vstack([bends, 0.1 * np.eye(count)])  # The depth itself counts a little
-    steps = tracked(range(MOST_STEPS))
-    next(steps)
-
     requested = np.isfinite(target)
 
-    @lru_cache(maxsize=2)
-    def at(depths: tuple[float, ...]) -> tuple[Floats, Floats]:
-        next(steps, None)
-        return observed(rig, cut, UNIT * np.array(depths), observe, string)[1:]
+    def linearised(depths: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return residuals, their derivatives, and all derivatives of what is observed."""
+        values, rates = observed(rig, cut, UNIT * depths, observe, string)[1:]
+        residual = np.r_[(values - target)[requested] / TARGET_STD, gentle @ depths]
+        return residual, np.vstack([UNIT * rates[requested] / TARGET_STD, gentle]), rates
 
-    def residual(depths: Floats) -> Floats:
-        try:
-            off = (at(tuple(depths.tolist()))[0] - target)[requested]
-        except ModelError:
-            off = np.full(requested.sum(), 1e6)  # refuses the step
-        return np.r_[off / TARGET_STD, gentle @ depths]
-
-    def jacobian(depths: Floats) -> Floats:
-        rates = at(tuple(depths.tolist()))[1][requested]
-        return np.vstack([UNIT * rates / TARGET_STD, gentle])
-
-    _, rates = at((0.0,) * count)
-    found = least_squares(
-        residual,
-        np.zeros(count),
-        jacobian,  # pyright: ignore[reportArgumentType]  # scipy's stubs know only its methods
-        (np.zeros(count), cut.most / UNIT),
-        method="dogbox",
-        ftol=1e-3,
-        xtol=1e-3,
-        max_nfev=MOST_STEPS,
-    )
-    return UNIT * found.x, rates
+    depths = np.zeros(count)
+    residual, jacobian, before = linearised(depths)
+    for _ in tracked(range(MOST_STEPS)):
+        aim = jacobian @ depths - residual
+        found = lsq_linear(jacobian, aim, (0.0, cut.most / UNIT), method="bvls").x
+        step = found - depths
+        while (size := np.abs(step).max()) > LEAST_STEP / UNIT:
+            with suppress(ModelError):
+                trial = linearised(depths + step)
+                if trial[0] @ trial[0] < residual @ residual:
+                    residual, jacobian, _ = trial
+                    break
+            step = step / 2
+        depths = depths + step
+        if size <= LEAST_STEP / UNIT:
+            break
+    return UNIT * depths, before

@@ -96,15 +96,19 @@ def about_fit(
     return found
 
 
-def about_sign(signals: Signals, begin: int, end: int, peak: float) -> list[Remark]:
-    """Return a warning if the finger seems to pull the key down.
+def pulls(work: float, peak: float, rise: float) -> bool:
+    """Return whether the finger seems to pull the key down, by its work over a rise.
 
-    Its mean force on the way down, from `begin` to `end`, is then more negative than any positive
-    force (`peak`, N) is large.
+    Its mean force is then more negative than any positive force (`peak`) is large.
     """
+    return work < -peak * rise
+
+
+def about_sign(signals: Signals, begin: int, end: int, peak: float) -> list[Remark]:
+    """Return a warning if the finger seems to pull the key on the way from `begin` to `end`."""
     way = slice(begin, end + 1)
     work = float(np.trapezoid(signals.force[way], signals.rise[way]))
-    if work >= -peak * float(np.ptp(signals.rise[way])):
+    if not pulls(work, peak, float(np.ptp(signals.rise[way]))):
         return []
     text = (
         f"the force on the way down is negative, {signals.force[way].min():.3g} N at most, and a"

@@ -373,8 +373,8 @@ def _search(fit: EventFit, std: float, modes: int) -> list[Fitted]:
     tried = np.tile(fit.expected, (20, 1))
     tried[:, 0] = np.linspace(-3, 3, len(tried)) * std
     chains: list[Fitted] = []
-    # Force and velocity may begin as t^2, the velocity as t, as on a key whose jack stands on a hard
-    # cloth, or both as t^3, where another spring is between jack and finger.
+    # Force and velocity may begin as t^2, the velocity as t, as on a key whose jack stands on a
+    # hard cloth, or both as t^3, where another spring is between jack and finger.
     for orders in ((2,), (2, 1), (3,)):
         chi2, poles = fit.scan(tried, np.zeros(0, complex), orders)
         best = [part[np.argmin(chi2[part])] for part in np.array_split(np.arange(len(tried)), 2)]

@@ -111,7 +111,7 @@ def corrections(channel: Channel) -> str:
         "input": channel.input_delay,
         "low-pass": channel.lag - channel.delay - channel.input_delay,
     }
-    found = [f"delay of the {of} {value * 1e6:.4g} us" for of, value in delays.items() if value]
+    found = [f"delay of the {of} {value * 1e6:.4g} µs" for of, value in delays.items() if value]
     if channel.high_pass:
         found.append(f"AC coupling of {channel.high_pass:.3g} Hz")
     return ", ".join(found)

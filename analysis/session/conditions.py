@@ -14,6 +14,7 @@ import numpy as np
 from sautereau.analysis.alike import INSTRUMENT
 from sautereau.analysis.errors import AnalysisError
 from sautereau.analysis.model.choirs import string_names
+from sautereau.analysis.model.plectrum.levels import LEVELS
 from sautereau.analysis.model.predict import JackSpeed, Prediction, predict
 from sautereau.analysis.phases import Phases
 from sautereau.analysis.press.features import by_string, gain_stds, quantity_of, title_of
@@ -162,7 +163,9 @@ def analyse(
 
     Raises:
         AnalysisError: There is no press.
+        ModelError: There is no such level.
     """
+    LEVELS.get(level)  # an unknown one is refused, also where no press needs it
     if not presses:
         raise AnalysisError("there is no press to analyse; give at least one recording")
     together: dict[str, tuple[dict[str, Any], list[PressT]]] = {}

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from sautereau.analysis.phases.checks import pulls
 from sautereau.analysis.session.analysed import AnalysedPress
 from sautereau.trajectory.timing import press_law
 
@@ -45,8 +46,7 @@ def health_of(press: AnalysedPress, first: AnalysedPress | None = None) -> Healt
             " input, and daq.trigger_edge"
         )
         return Health(text, valid=False)
-    # The mean force on the way down is more negative than any positive force is large.
-    if (work := _number(press, "press_work")) < -force * rise * 1e-3:
+    if pulls(work := _number(press, "press_work"), force, rise * 1e-3):
         text = (
             f"the finger has done negative work, {work * 1e3:.3g} mJ, with a force of at most"
             f" {force:.3g} N: the force transducer has the wrong sign; invert it at its amplifier"

@@ -159,6 +159,7 @@ class Session(Shown, Sequence[PressFile]):
 
         Raises:
             AnalysisError: There is no press, or the sets have no condition in common.
+            ModelError: There is no such level.
         """
         bench = None if rig is None else Rig(rig).values
         found = analyse([press.analysed for press in self], level, bench)

@@ -88,6 +88,11 @@ class Emulator(Protocol):
         ...
 
     @property
+    def line_busy(self) -> bool:
+        """Whether characters are under way on a serial line, which takes real time for them."""
+        ...
+
+    @property
     def phase(self) -> float:
         """Fraction of the sample that has passed when an output changes within a tick."""
         ...

@@ -141,7 +141,7 @@ def test_the_rig_on_the_page_is_the_rig(write_session, tmp_path):
     text = build_report(gather(write_session(tmp_path, 1, rig=rig), "elastica"), ABOUT)
     (shown_rig,) = re.findall(r'<pre id="rig-toml">(.*?)</pre>', text, re.DOTALL)
     assert parse_rig(Page(shown_rig).text) == rig
-    assert re.search(r"corrected in force\s*delay of the input -4.8 us", Page(text).text)
+    assert re.search(r"corrected in force\s*delay of the input -4.8 µs", Page(text).text)
 
 
 def test_warnings_come_first_and_once(write_session, tmp_path):

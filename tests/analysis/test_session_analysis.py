@@ -11,7 +11,7 @@ from scipy.stats import ttest_ind
 
 import sautereau as st
 from sautereau.analysis.campaign.run import run_campaign
-from sautereau.analysis.errors import AnalysisError
+from sautereau.analysis.errors import AnalysisError, ModelError
 from sautereau.analysis.report.contents import gather
 from sautereau.analysis.results.comparison import Comparison, pair_lines
 from sautereau.analysis.session.analysed import analyse_file
@@ -65,6 +65,13 @@ def test_the_plots_show_a_prediction_for_the_measured_speed(four):
     found, pluck = condition.prediction, presses[0].phases.plucks[0]
     error = found.pluck_duration / pluck.pluck_duration - 1
     assert first.comparison.duration_error.value == pytest.approx(error)
+
+
+@pytest.mark.parametrize("call", ["compare", "report"])
+def test_an_unknown_level_is_refused_at_the_call(four, tmp_path, call):
+    options = {"out": tmp_path / "report.html"} if call == "report" else {}
+    with pytest.raises(ModelError, match=r"'xx' is unknown; known: auto, elastica, fe, rods"):
+        getattr(st.open([press.press.path for press in four[1]]), call)(level="xx", **options)
 
 
 def test_what_the_model_cannot_predict_is_not_compared(four):

@@ -61,3 +61,32 @@ def test_equal_taps_without_noise_and_without_force_at_some_frequencies():
     assert response.taps == TAPS
     (mode,) = response.modes
     assert mode.frequency == pytest.approx(300, rel=0.02)
+
+
+@pytest.mark.parametrize("ring", [0.0, 4e-3])
+def test_the_fall_of_a_lifted_key_is_no_mode(ring):
+    """It rises at 18 mm/s, slowed down by 1.1 m/s^2, and falls at 0.4 m/s^2 back to its rest."""
+    random = np.random.default_rng(1)
+    force, velocity = np.zeros(round(TAPS * 0.4 * RATE)), np.zeros(round(TAPS * 0.4 * RATE))
+    time = np.arange(round(0.3 * RATE)) / RATE
+    pulse = np.sin(np.pi * time / 1e-3) * (time < 1e-3)
+    for k in range(TAPS):
+        speed, start = 0.018, round((0.05 + 0.4 * k) * RATE)  # equal taps, as of a finger
+        top = speed / 1.1
+        landing = top + speed / np.sqrt(1.1 * 0.4)
+        since = time - 0.5e-3  # the middle of the pulse
+        flying = np.where(since < top, 1.1, 0.4) * (top - since) * (since < landing)
+        response = np.cumsum(pulse) / pulse.sum()  # a free body follows the impulse
+        force[start : start + len(pulse)] += speed * pulse
+        velocity[start : start + len(pulse)] += flying * response
+        decaying = np.exp(-0.03 * 2 * np.pi * 120 * time) * np.cos(2 * np.pi * 120 * time)
+        velocity[start : start + len(pulse)] += ring / 0.018 * speed * decaying * response
+    noise = random.standard_normal((2, len(force)))
+    found = tap_response([(40 * force + 2e-3 * noise[0], velocity + 2e-5 * noise[1])], RATE)
+    assert found.flight == pytest.approx(landing, rel=0.05)
+    if not ring:
+        assert not found.modes
+        return
+    mode = min(found.modes, key=lambda mode: abs(mode.frequency - 120))
+    assert mode.frequency == pytest.approx(120, rel=0.005)
+    assert mode.damping == pytest.approx(0.03, rel=0.05)

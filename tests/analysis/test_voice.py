@@ -136,6 +136,21 @@ def test_twenty_targets_are_reached():
 
 
 @pytest.mark.slow
+def test_the_gentlest_cut_is_proposed():
+    """Where depths are free, bends and amount grow along the target's derivative only."""
+    found = voice(RIG, ["force_drop 0.45 N"], intervals=False)
+    most = found.cut.most
+    free = (found.depths > 1e-7) & (found.depths < most - 1e-7)
+    count = len(most)
+    bends = np.diff(np.eye(count + 2, count, -2), 2, axis=0)
+    slope = (bends.T @ bends + 0.01 * np.eye(count)) @ found.depths / most.max()
+    along = observed(RIG, found.cut, found.depths, logs)[2][0]
+    slope, along = slope[free], along[free] / np.linalg.norm(along[free])
+    assert free.sum() == 4
+    assert np.linalg.norm(slope - along * (along @ slope)) < 0.01 * np.linalg.norm(slope)
+
+
+@pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_a_key_becomes_like_another_and_like_a_curve(tmp_path):
     cut = carving(RIG.plectrum, Knife())

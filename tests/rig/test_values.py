@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from sautereau.rig.document import rig_document, rig_from_json, rig_json
 from sautereau.rig.errors import RigError, SautereauError
-from sautereau.rig.load import load_rig, with_values
+from sautereau.rig.load import load_rig, parse_rig, with_values
 from tests.budget import examples
 
 
@@ -154,3 +154,20 @@ def test_json_with_one_fault_says_where(paper, path, value, message):
         rig_from_json(json.dumps(saved))
     assert str(raised.value).startswith("the rig stored here cannot be read: ")
     assert message in str(raised.value)
+
+
+def test_a_gear_ratio_without_effect_is_warned_of(paper_text, caplog):
+    gears = paper_text.replace("[arm]", "[arm]\ngear_ratios = [30.0, 30.0]")
+    parse_rig(gears)
+    line = gears.split("\n").index("gear_ratios = [30.0, 30.0]") + 1
+    said = f"line {line}: arm.gear_ratios: it has no effect without arm.rotor_inertias or"
+    assert said in caplog.text
+    caplog.clear()
+    rotors = 'gear_ratios = [30.0, 30.0]\nrotor_inertias = ["1e-6 kg m^2", "0 kg m^2"]'
+    for acting in (
+        gears.replace("gear_ratios = [30.0, 30.0]", rotors),
+        gears.replace("[controller]", "[controller]\nhome_index = true"),
+        gears.replace("[controller]", '[controller]\nkind = "odrive"'),
+    ):
+        parse_rig(acting)
+    assert not caplog.text

@@ -205,3 +205,13 @@ def test_taps_of_a_finger_with_a_fixture_are_doubted():
         found = tap_key(served.rig, Operator())
     assert "contains the inertia of the fixture, 5 g" in found.warnings[-1]
     assert "tap with a hammer" in found.warnings[-1]
+
+
+@pytest.mark.slow
+def test_taps_of_a_rigid_key_show_no_mode():
+    """Its fall after the taps was one at 64 Hz."""
+    with StandIn(with_values(load_rig(), QUICK), load_scene("ideal"), seed=1) as served:
+        found = tap_key(served.rig, Operator())
+    assert any("left its rest for up to" in line for line in found.lines)
+    assert "these taps show no mode of 40 to 2500 Hz" in found.warnings[-1]
+    assert not found.values

@@ -73,7 +73,10 @@ def run(unit=None, faults=None, finger="ideal", values=None, step=1e-3, paced=Fa
     """Verify a stand-in; return what was found."""
     described = ControllerUnit.model_validate(unit or {})
     scene = mute_scene(finger, faults=faults, controller=described, step=step)
-    rig = with_values(load_rig(), {"controller.timeout": "60 s"})
+    own = {"controller.timeout": "60 s"}
+    if "index_missing" in (faults or {}):
+        own["controller.home_index"] = True
+    rig = with_values(load_rig(), own)
     with StandIn(rig, scene, paced=paced) as served:
         bench = with_values(served.rig, values or {})
         person = Operator(served, **operator)
@@ -165,6 +168,7 @@ WRONG = {
     ),
     "a limit switch that is not wired": wrong(
         "A3 .*reverse limit switch of joint 2.*sees nothing",
+        {"limit_switches": True},
         switch_cut={"switch": "reverse", "joint": 2},
     ),
     "a home switch that is not wired": wrong(
@@ -172,6 +176,7 @@ WRONG = {
     ),
     "limit switches exchanged": wrong(
         "A3 .*forward limit switch of joint 1 was changed.*sees the reverse limit switch",
+        {"limit_switches": True},
         switches_swapped={"switch": "limit"},
     ),
     "home switches exchanged": wrong(

@@ -1,6 +1,7 @@
 """The stand-in's clock and its fair lock, without real time in the asserts."""
 
 import threading
+import time
 
 import pytest
 
@@ -13,7 +14,7 @@ class Count:
     def __init__(self, goal=0):
         self.lock = FairLock()
         self.ticks, self.goal = 0, goal
-        self.awaited = False
+        self.awaited = self.line_busy = False
         self.failed = []
 
     @property
@@ -48,6 +49,16 @@ def test_time_advances_while_the_bench_is_busy_and_no_further(paced):
         for ticks in (1, 3, 50):
             bench.go(ticks)
             assert bench.ticks == bench.goal
+
+
+def test_characters_on_a_line_take_real_time():
+    """A host renews the watchdog in real time, in which 0.1 s of simulated time pass here."""
+    bench = Count()
+    bench.line_busy = True
+    with clock(bench):
+        start = time.perf_counter()
+        bench.go(100)
+        assert time.perf_counter() - start >= 0.099
 
 
 def test_a_host_gets_the_lock_while_time_advances():

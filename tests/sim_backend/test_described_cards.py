@@ -101,7 +101,7 @@ def test_both_sensors_are_aligned(tmp_path, product, rate, device, terminal, del
     must_be_aligned(path)
     for channel in read_recording(path).rig.daq.channels:
         said = corrections(channel)
-        assert (f"{channel.input_delay * 1e6:.4g} us" in said) == bool(channel.input_delay)
+        assert (f"{channel.input_delay * 1e6:.4g} µs" in said) == bool(channel.input_delay)
 
 
 def recorded(rig, card, path):
@@ -217,14 +217,42 @@ def test_a_fault_of_one_module_names_its_key(more, words):
 
 
 def test_a_press_on_modules_of_a_chassis_and_on_an_ideal_card():
-    rig = with_values(load_rig(), {"daq.channels.1.device": "Dev2"})
+    modules = {"daq.device": "cDAQ1Mod1", "daq.channels.1.device": "cDAQ1Mod2"}
+    rig = with_values(load_rig(), modules)
     with (
         StandIn(rig, load_scene("ideal")) as stand_in,
         Acquisition(stand_in.rig.daq, 0.1, triggered=False) as acquisition,
     ):
-        assert [one.terminal for one in acquisition.settings().channels] == ["Dev1/ai0", "Dev2/ai1"]
+        terminals = [one.terminal for one in acquisition.settings().channels]
+        assert terminals == ["cDAQ1Mod1/ai0", "cDAQ1Mod2/ai1"]
         acquisition.start()
         assert sum(block.n_samples for block in acquisition.blocks()) == acquisition.n_samples
+
+
+@pytest.mark.parametrize(
+    "products",
+    [
+        {"cDAQ1Mod1": "NI 9239", "cDAQ2Mod1": "NI 9239"},
+        {"Dev1": "USB-6009", "Dev2": "PCI-6251"},
+        {"cDAQ1Mod1": "NI 9239", "Dev2": "PCI-6251"},
+        dict.fromkeys(["cDAQ1Mod1", "cDAQ2Mod1"], "sautereau stand-in"),
+        dict.fromkeys(["Dev1", "Dev2"], "sautereau stand-in"),
+    ],
+)
+def test_one_task_has_one_clock(products):
+    """Two chassis or cards are refused, as by NI-DAQmx; a task of the second one is not."""
+    first, second = products
+    rate = "24 kHz" if first == "Dev1" else "50 kHz"
+    rig, card = described(products, rate, first, **{"1.device": second})
+    alone = with_values(rig, {"daq.channels.0.device": second, "daq.device": second})
+    if "cDAQ2Mod1" in products and products[second] == "NI 9239":
+        with DaqmxServer(bench_card(alone, products)) as server:
+            daq = with_values(alone, {"daq.address": server.address}).daq
+            with Acquisition(daq, 0.1) as acquisition:
+                assert acquisition.settings().trigger == "/cDAQ2/PFI0"
+    with DaqmxServer(card) as server, pytest.raises(DaqError) as caught:
+        Acquisition(with_values(rig, {"daq.address": server.address}).daq, 0.1).__enter__()
+    assert all(word in str(caught.value) for word in ["-200558", *products, ".device"])
 
 
 def release(path):

@@ -5,12 +5,13 @@ import contextlib
 import numpy as np
 import pytest
 
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.devices.ports import PortGone
 from sautereau.sim_backend.errors import SceneError
 from sautereau.sim_backend.fault_injection import BadLine, disturbed
 from sautereau.sim_backend.fault_tables import Drift, Faults, Overload, Speckle
+from sautereau.sim_backend.parts import ControllerUnit
 from sautereau.sim_backend.scene import Scene, load_scene, parse_scene
 from sautereau.sim_backend.sensors.chain import SensorChain
 from sautereau.sim_backend.sensors.simulated import Drifting, DropOuts, Overloading
@@ -74,7 +75,7 @@ joint = 3
         )
     text = str(caught.value)
     for part in (
-        "faults.line: dropped, flipped, delay: all are zero",
+        "faults.line: it has no effect without dropped other than 0",
         "faults.cable_out: after_bytes, press: neither is given",
         "faults.overrun.sample: -1 is refused",
         "faults.speckle.rate",
@@ -89,6 +90,12 @@ joint = 3
     ("tables", "said"),
     [
         ({}, "the table is empty"),
+        ({"slip": {"joint": 1, "counts": 0}}, "slip\n.*it has no effect without counts other"),
+        ({"drift": {"rate": "0 N/s"}}, "drift\n.*without rate other than 0; set that"),
+        (
+            {"speckle": {"rate": "5 Hz", "duration": "1 ms", "level": 1.0}},
+            "speckle\n.*without level other than 1 or spike other than 0",
+        ),
         (
             {"overrun": {"press": 2, "sample": 5}, "trigger_missing": {"press": 2}},
             "press 2 has trigger_missing already",
@@ -108,11 +115,21 @@ def test_a_fault_of_an_absent_part_is_refused():
     rig = load_rig()
     (velocity,) = (c for c in rig.daq.channels if c.quantity == "velocity")
     rig = rig.replaced({"daq.channels": (velocity,)})
-    tables = {"stall": {"joint": 1}, "drift": {"rate": "1 N/s"}}
+    tables = {"stall": {"joint": 1}, "drift": {"rate": "1 N/s"}, "index_missing": {"joint": 1}}
+    tables |= {"switches_swapped": {"switch": "limit"}}
     with pytest.raises(SceneError) as caught:
         Bench(rig, scene_with(**tables))
-    assert 'faults.stall: finger = "ideal" has no motors' in str(caught.value)
-    assert "faults.drift: the rig has no channel that measures force" in str(caught.value)
+    said = str(caught.value)
+    assert 'faults.stall: it has no effect without scene.finger = "servo"' in said
+    assert "faults.index_missing: it has no effect without rig.controller.home_index = true" in said
+    assert "faults.switches_swapped: it has no effect without scene.controller.limit_s" in said
+    assert "faults.drift: the rig has no channel that measures force" in said
+    wired = scene_with(**tables).model_copy(
+        update={"controller": ControllerUnit(limit_switches=True), "finger": "servo"}
+    )
+    assert not wired.faults.conflicts(
+        wired, with_values(load_rig(), {"controller.home_index": True})
+    )
 
 
 def test_a_push_is_no_scene_for_a_controller():

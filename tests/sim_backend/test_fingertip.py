@@ -115,7 +115,7 @@ def test_a_contact_with_a_damper_is_a_jump_of_the_force(engine):
 def test_a_push_has_no_fingertip():
     document = {"finger": "push", "push": {"force": "1 N", "duration": "9 ms"}, "step": "1 ms"}
     document |= {**BARE, "fingertip": {"stiffness": "30 kN/m"}}
-    with pytest.raises(ValidationError, match='fingertip: finger = "push" is a force'):
+    with pytest.raises(ValidationError, match=r'fingertip: .*finger = "ideal"'):
         Scene.model_validate(document)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sautereau.rig.load import load_rig
+from sautereau.rig.load import load_rig, with_values
 from sautereau.sim_backend.bench import Bench
 from sautereau.sim_backend.devices.daqmx.card import TaskSetup
 from sautereau.sim_backend.devices.galil.firmware import GalilFirmware
@@ -23,7 +23,8 @@ def arm(faults=None, finger="servo", **unit):
         faults=None if faults is None else Faults.model_validate(faults),
         controller=ControllerUnit(**unit),
     )
-    bench = Bench(load_rig(), scene)
+    index = faults is not None and "index_missing" in faults
+    bench = Bench(with_values(load_rig(), {"controller.home_index": index}), scene)
     bench.firmware.receive(b"EO 0\r")
     return bench
 
@@ -212,7 +213,7 @@ def test_the_trigger_edge_precedes_the_motion_by_up_to_a_sample():
 
 
 def test_an_ideal_finger_has_no_encoders_to_lose():
-    with pytest.raises(SceneError, match="encoder_sign: finger"):
+    with pytest.raises(SceneError, match=r'encoder_sign: .*finger = "servo"'):
         arm({"encoder_sign": {"joint": 1}}, finger="ideal")
 
 

@@ -148,5 +148,5 @@ def test_what_the_engines_and_rigs_do_not_carry_is_refused():
     (told,) = scene.unsolved
     assert "turn with their links without friction" in told
     assert "remove the table [joints]" in told
-    with pytest.raises(SceneError, match='joints: finger = "ideal" has no motors'):
+    with pytest.raises(SceneError, match='joints: it has no effect without finger = "servo"'):
         parse_scene(f'{MUTE_TEXT}[joints]\ndry_friction = ["1 N m", "1 N m"]\n')

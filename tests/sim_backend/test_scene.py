@@ -111,6 +111,12 @@ def test_all_faults_are_reported_at_once():
             r"(?s)2 faults.*\[servo\].*set both",
         ),
         ('"ideal"', '"push"', r'finger: "push" needs the table \[push\]'),
+        ("= 10", '= 20\nengine = "exact"', 'iterations: .* no effect without engine = "rigid"'),
+        (
+            '"ideal"',
+            '"ideal"\npush = { force = "1 N", duration = "1 s" }',
+            'push: .*finger = "push"',
+        ),
     ],
 )
 def test_a_fault_names_its_key(old, new, words):

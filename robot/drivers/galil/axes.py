@@ -244,7 +244,7 @@ def _ended_program(running: float, left: float) -> str:
         return (
             "the controller's watchdog has switched the motors off, because the host did not"
             " renew it for too long (controller.watchdog_period); reduce the load on this"
-            " machine, and let nothing suspend it"
+            " machine, let nothing suspend it, or use a faster line (controller.baud_rate)"
         )
     if running < 0:
         return (

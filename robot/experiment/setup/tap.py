@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sautereau.analysis.transient.tap import TapResponse, tap_response
+from sautereau.analysis.transient.tap import BAND, TapResponse, tap_response
 from sautereau.daq.file.reading import read_recording
 from sautereau.daq.signals.calibration import restored
 from sautereau.rig.acquisition import Daq
@@ -103,6 +103,11 @@ def _found(response: TapResponse) -> Found:
     lines = [f"tap: {count} taps; modes of the key up to {highest:.0f} Hz: {len(response.modes)}"]
     if response.cut:
         lines.append(f"not used: {response.cut} taps that the ends of a recording cut off")
+    if response.flight:
+        lines.append(
+            f"after a tap the key left its rest for up to {response.flight * 1e3:.0f} ms; its fall"
+            " is fitted with the modes"
+        )
     lines += [
         f"mode: {m.frequency:.1f} +- {m.frequency_std:.1f} Hz, damping {m.damping * 100:.2g} +-"
         f" {m.damping_std * 100:.1g} % of critical, coherence {m.coherence:.2f}"
@@ -124,5 +129,7 @@ def _found(response: TapResponse) -> Found:
         tuple(lines),
         {"key.modes": modes} if modes else {},
         figures,
-        () if modes else ("no mode was excited with enough coherence: tap with a hammer",),
+        ()
+        if modes
+        else (f"these taps show no mode of {BAND[0]:.0f} to {highest:.0f} Hz: tap with a hammer",),
     )

@@ -11,7 +11,7 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
-from sautereau.sim_backend.device_types import DeviceType
+from sautereau.sim_backend.device_types import IDEAL, DeviceType
 from sautereau.sim_backend.sensors.chain import Converter
 
 ENDLESS = 2**62  # More samples than any acquisition reaches
@@ -104,6 +104,26 @@ class Module:
     device: DeviceType
     terminals: tuple[str, ...]
     """Its analog inputs, ``("ai0", "ai1")``."""
+    chassis: str = ""
+    """Name of the chassis that holds it; empty where there is none."""
+
+    @property
+    def owner(self) -> str:
+        """Name of the device that has its trigger terminals."""
+        return self.chassis or self.name
+
+    @property
+    def clock(self) -> str:
+        """Name of the device whose clock samples it; empty if an ideal one may have any."""
+        if self.device is not IDEAL:
+            return self.owner
+        return chassis_in(self.name) or (self.name if self.name.startswith("Dev") else "")
+
+
+def chassis_in(name: str) -> str:
+    """Return the chassis in a default name of NI MAX, cDAQ1 in cDAQ1Mod2; empty without one."""
+    module = re.fullmatch(r"(.+)Mod\d+", name)
+    return module[1] if module else ""
 
 
 class Card(Protocol):
@@ -114,12 +134,7 @@ class Card(Protocol):
 
     @property
     def modules(self) -> tuple[Module, ...]:
-        """Its devices: one card, or the modules of the chassis by their slots."""
-        ...
-
-    @property
-    def chassis(self) -> str:
-        """Name of the chassis that holds them; empty where there is none."""
+        """Its devices: cards, or the modules of a chassis by their slots."""
         ...
 
     def check(self) -> None:
@@ -134,11 +149,6 @@ class Card(Protocol):
     def start(self, setup: TaskSetup) -> Run:
         """Arm an acquisition."""
         ...
-
-
-def owner_of(card: Card) -> str:
-    """Return the name of the device that has a card's trigger terminals."""
-    return card.chassis or card.modules[0].name
 
 
 def module_of(card: Card, name: str) -> Module:

@@ -28,7 +28,6 @@ from sautereau.sim_backend.devices.daqmx.card import (
     DaqmxError,
     Input,
     Module,
-    owner_of,
 )
 from sautereau.sim_backend.devices.daqmx.progress import CardTask
 from sautereau.sim_backend.devices.daqmx.task import CONTINUOUS, EXPORTS, FINITE, terminals
@@ -48,36 +47,34 @@ class Device:
     """One device of a card, or the chassis that holds them."""
 
     card: Card
-    module: Module | None
-    """None for the chassis."""
+    module: Module
+    """For a chassis its first one."""
+    is_chassis: bool = False
 
     @property
     def type(self) -> DeviceType:
         """Its type; for the chassis that of its first module."""
-        return (self.module or self.card.modules[0]).device
+        return self.module.device
 
 
 def _chassis(one: Device) -> str:
-    if not one.card.chassis:
+    if not one.module.chassis:
         raise DaqmxError(-200197, "The device is in no chassis.")
-    return one.card.chassis
+    return one.module.chassis
 
 
 def _slot(one: Device) -> int:
     """Return the number at the end of the name of a module, or its place."""
-    name = one.module.name if one.module else ""
-    numbered = re.search(r"Mod(\d+)$", name)
-    names = [module.name for module in one.card.modules]
-    return int(numbered[1]) if numbered else 1 + names.index(name)
+    numbered = re.search(r"Mod(\d+)$", one.module.name)
+    return int(numbered[1]) if numbered else 1 + one.card.modules.index(one.module)
 
 
 def _inputs(one: Device) -> str:
-    module = one.module
-    return ", ".join(f"{module.name}/{name}" for name in module.terminals) if module else ""
+    return ", ".join(f"{one.module.name}/{name}" for name in one.module.terminals)
 
 
 def _triggers(one: Device) -> str:
-    return ", ".join(f"/{owner_of(one.card)}/{name}" for name in terminals(one.card))
+    return ", ".join(f"/{one.module.owner}/{name}" for name in terminals(one.type))
 
 
 def _measurements(one: Device) -> list[int]:
@@ -96,7 +93,7 @@ SYSTEM = table(
         "NIDAQ_MINOR_VERSION": 0,
         "NIDAQ_UPDATE_VERSION": 0,
         "DEV_NAMES": lambda card: ", ".join(
-            dict.fromkeys([owner_of(card), *(module.name for module in card.modules)])
+            dict.fromkeys(name for one in card.modules for name in (one.owner, one.name))
         ),
         "GLOBAL_CHANS": "",
         "SCALES": "",
@@ -159,7 +156,7 @@ _OF_CHASSIS = table(
         "SERIAL_NUM": SERIAL_NUMBER + 1,
         "BUS_TYPE": _BUS_USB,
         "CHASSIS_MODULE_DEV_NAMES": lambda one: ", ".join(
-            module.name for module in one.card.modules
+            other.name for other in one.card.modules if other.chassis == one.module.chassis
         ),
         "TERMINALS": _triggers,
         "DIG_TRIG_SUPPORTED": True,
@@ -171,7 +168,7 @@ _OF_CHASSIS = table(
 
 def _of_either(key: int) -> Attribute:
     def read(about: Device) -> Any:
-        owned = _OF_CHASSIS if about.module is None else _OF_CARD
+        owned = _OF_CHASSIS if about.is_chassis else _OF_CARD
         if key not in owned:
             raise DaqmxError(-200197, f"Property {key:#x} is not supported by the device.")
         return owned[key].read(about)

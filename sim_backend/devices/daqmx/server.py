@@ -72,18 +72,18 @@ class Servicer(Reading, Events, nidaqmx_pb2_grpc.NiDAQmxServicer):
 
     def _device(self, request: Any) -> Device:
         """Return the device or chassis that the request names, if it is connected."""
-        chassis = self._card.chassis.lower()
-        if chassis and request.device_name.lower() == chassis:
-            self._card.check()
-            return Device(self._card, None)
+        for module in self._card.modules:
+            if module.chassis and request.device_name.lower() == module.chassis.lower():
+                self._card.check()
+                return Device(self._card, module, is_chassis=True)
         return Device(self._card, module_of(self._card, request.device_name))
 
     def _calibration(self, request: Any) -> Calibration:
         """Return the calibration of the device that the request names."""
-        if (module := self._device(request).module) is None:
+        if (one := self._device(request)).is_chassis:
             raise DaqmxError(-200197, "The chassis has no converter to calibrate.")
         started = self._started
-        return self._calibrations.setdefault(module.name, Calibration(started, started))
+        return self._calibrations.setdefault(one.module.name, Calibration(started, started))
 
     def _physical(self, request: Any) -> Device:
         return Device(self._card, physical_channels(request.physical_channel, self._card)[0][0])

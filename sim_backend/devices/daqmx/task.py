@@ -16,7 +16,6 @@ from sautereau.sim_backend.devices.daqmx.card import (
     Run,
     TaskSetup,
     invalid,
-    owner_of,
     physical_channels,
     split_names,
 )
@@ -34,7 +33,7 @@ class Trigger:
     source: str = ""
     edge: int = RISING
 
-    def verify(self, card: Card) -> None:
+    def verify(self, module: Module) -> None:
         """Refuse what the device, or the stand-in, cannot do."""
         if self.kind == NONE:
             return
@@ -46,15 +45,15 @@ class Trigger:
             )
         if self.edge not in (RISING, FALLING):
             raise invalid("DigEdge.Edge", self.edge, "rising or falling")
-        self.route(card)
+        self.route(module)
 
-    def route(self, card: Card) -> str:
+    def route(self, module: Module) -> str:
         """Return the complete name of its source: ``/Dev1/PFI0``.
 
         Raises:
             DaqmxError: The device has no such terminal.
         """
-        return terminal(self.source, card)
+        return terminal(self.source, module)
 
 
 EXPORTS = {
@@ -66,21 +65,21 @@ EXPORTS = {
 """Properties with the terminals to which a task exports a signal, by the signal."""
 
 
-def terminal(name: str, card: Card, code: int = -89120, what: str = "Source") -> str:
+def terminal(name: str, module: Module, code: int = -89120, what: str = "Source") -> str:
     """Return the complete name of a terminal, ``/Dev1/PFI0``, of the device or its chassis.
 
     Args:
         name: With or without the device.
-        card: The card with the terminal.
+        module: The device with the terminal, or in the chassis with it.
         code: The driver's error where there is no such terminal.
         what: What it is of a route, for the error: its source or its destination.
     """
-    owner = owner_of(card)
+    owner = module.owner
     route = re.fullmatch(r"(?:/(\w+)/)?(A?PFI)(\d+)", name, re.IGNORECASE)
     if route:
         known = (route[1] or owner).lower() == owner.lower()
         local = f"{route[2]}{int(route[3])}".upper()
-        if known and local in terminals(card):
+        if known and local in terminals(module.device):
             return f"/{owner}/{local}"
     raise DaqmxError(
         code,
@@ -89,9 +88,8 @@ def terminal(name: str, card: Card, code: int = -89120, what: str = "Source") ->
     )
 
 
-def terminals(card: Card) -> list[str]:
+def terminals(device: DeviceType) -> list[str]:
     """Return the trigger terminals without the device."""
-    device = card.modules[0].device
     return [*(f"PFI{n}" for n in range(device.triggers)), *device.analog_triggers]
 
 
@@ -258,7 +256,7 @@ class TaskSettings:
         """Return the complete name of the sample clock's source."""
         if not self.clock:
             return f"/{self.modules[0].name}/ai/SampleClockTimebase"
-        return terminal(self.clock, self.card)
+        return terminal(self.clock, self.modules[0])
 
     def checked_samples(self) -> int:
         """Return ``n_samples``, if a task can have so many."""
@@ -289,6 +287,7 @@ class TaskSettings:
         """Refuse a task that cannot start."""
         if not self.channels:
             raise DaqmxError(-200460, "There are no input channels in this task.")
+        self._verify_clock()
         for channel in self.channels.values():
             channel.verify()
         self.checked_samples()
@@ -298,11 +297,11 @@ class TaskSettings:
         if self.clock:
             raise DaqmxError(-200452, "The stand-in has no external clock: use the onboard clock.")
         for trigger in triggers:
-            trigger.verify(self.card)
+            trigger.verify(self.modules[0])
         self._verify_stored()
         for name in EXPORTS.values():
             if to := self.stored.get(number("EXPORTSIGNAL", name)):
-                terminal(to, self.card, -89121, "Destination")
+                terminal(to, self.modules[0], -89121, "Destination")
         self._verify_reference()
         if self.retriggerable and not self.device.retriggers:
             raise DaqmxError(-200452, "This device has no retriggerable start trigger.")
@@ -312,6 +311,16 @@ class TaskSettings:
                 -201320,
                 "Retriggering needs a start trigger, no reference trigger, and a finite number of"
                 " samples.",
+            )
+
+    def _verify_clock(self) -> None:
+        """Refuse devices that are not sampled by one clock."""
+        clocks = sorted({module.clock for module in self.modules} - {""})
+        if len(clocks) > 1:
+            raise DaqmxError(
+                -200558,
+                "Channels of one task are on several devices, each with a clock of its own.\n"
+                f"Devices: {', '.join(clocks)}",
             )
 
     def _verify_stored(self) -> None:
@@ -342,7 +351,7 @@ class TaskSettings:
     def setup(self, rate: float, n_samples: int) -> TaskSetup:
         """Return what the card is asked to do, at a rate [Hz]."""
         edges = [
-            trigger.route(self.card) if trigger.kind == DIGITAL_EDGE else None
+            trigger.route(self.modules[0]) if trigger.kind == DIGITAL_EDGE else None
             for trigger in (self.start_trigger, self.reference)
         ]
         both = self.keeps_before

@@ -215,7 +215,9 @@ def _of_trigger(pick: Callable[[CardTask], Trigger], word: str) -> Table:
         word: As in their names: ``START`` in DIG_EDGE_START_TRIG_SRC.
     """
     routed = field(
-        "source", "", lambda task: pick(task).route(task.card) if pick(task).source else "", of=pick
+        *("source", ""),
+        lambda task: pick(task).route(task.modules[0]) if pick(task).source else "",
+        of=pick,
     )
     kept_ones: dict[str, object] = {
         f"{kind}_{word}_TRIG_DIG_FLTR_{what}": default
@@ -237,7 +239,7 @@ def _of_trigger(pick: Callable[[CardTask], Trigger], word: str) -> Table:
                 f"ANLG_WIN_{word}_TRIG_SRC": routed,
                 f"DIG_EDGE_{word}_TRIG_EDGE": field("edge", RISING, of=pick),
                 f"ANLG_EDGE_{word}_TRIG_SLOPE": field("edge", RISING, of=pick),
-                f"{word}_TRIG_TERM": lambda task: terminal(pick(task).source, task.card),
+                f"{word}_TRIG_TERM": lambda task: terminal(pick(task).source, task.modules[0]),
             },
         ),
         **kept(

@@ -101,6 +101,11 @@ class OdriveFirmware:
         return any(axis.watched for axis in self.axes)
 
     @property
+    def line_busy(self) -> bool:
+        """Its line takes no time."""
+        return False
+
+    @property
     def held(self) -> bool:
         """Whether time waits for the host, which streams setpoints."""
         return self.stepped and self.streaming and not self._granted

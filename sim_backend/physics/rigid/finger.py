@@ -134,7 +134,8 @@ class SteppedFinger(Finger, ABC):
 
     def place(self, time: float, ahead: float) -> Pair:
         """Return the place [mm] of the fingertip's centre after a time; see `gap`."""
-        raise NotImplementedError  # a push is never separated
+        first, second = self._joints  # of an arm that stays still
+        return self.tip_state(first, first + second)[0]
 
     def gap(self, angle: float, time: float, ahead: float) -> float:
         """Return the gap [mm] of a separated finger to the key, else inf.

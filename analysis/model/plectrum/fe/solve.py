@@ -44,7 +44,9 @@ class Body:
         self.size = grid.nodes.size
         self.clamped = 2 * grid.height
         """Number of unknowns at the start that are zero; unknown 2 n + i moves node n along i."""
-        unknowns = (2 * grid.cells[:, :, None] + np.arange(2)).reshape(len(grid.cells), 18)
+        # Of an element the unknowns along x come first, which keeps what is multiplied contiguous.
+        unknowns = (2 * grid.cells[:, None, :] + np.arange(2)[:, None]).reshape(-1, 18)
+        self._slopes = np.ascontiguousarray(grid.gradients.swapaxes(-1, -2))
         self._unknowns = unknowns.ravel()
         rows, columns = unknowns[:, :, None], unknowns[:, None, :]
         self.band = int((rows - columns).max())
@@ -73,13 +75,11 @@ class Body:
         tangent = rows.transpose(0, 2, 1) @ weighted.reshape(elements, 3 * points, 18)
         s11, s22, s12 = np.moveaxis(self.grid.weights[..., None] * stress, -1, 0)
         tensor = np.stack([np.stack([s11, s12], -1), np.stack([s12, s22], -1)], -2)
-        gradients = self.grid.gradients
-        pulled = (gradients @ tensor).transpose(0, 1, 3, 2).reshape(elements, 2 * points, 9)
-        plain = gradients.transpose(0, 1, 3, 2).reshape(elements, 2 * points, 9)
+        pulled = (tensor @ self._slopes).reshape(elements, 2 * points, 9)
+        plain = self._slopes.reshape(elements, 2 * points, 9)
         geometric = plain.transpose(0, 2, 1) @ pulled
-        tangent = tangent.reshape(elements, 9, 2, 9, 2)
-        tangent[:, :, 0, :, 0] += geometric
-        tangent[:, :, 1, :, 1] += geometric
+        tangent[:, :9, :9] += geometric
+        tangent[:, 9:, 9:] += geometric
         count = (2 * self.band + 1) * self.size
         band = _summed(self._places, tangent, count)
         return self._forces(strains, stress), band.reshape(-1, self.size)
@@ -94,14 +94,13 @@ class Body:
 
     def _strains(self, deformation: Floats) -> Floats:
         """Return dE of every unknown, shape (elements, points, 3, 18)."""
-        gradients = self.grid.gradients
-        first = gradients[..., 0, None] * deformation[..., None, :, 0]
-        second = gradients[..., 1, None] * deformation[..., None, :, 1]
-        mixed = (
-            gradients[..., 1, None] * deformation[..., None, :, 0]
-            + gradients[..., 0, None] * deformation[..., None, :, 1]
-        )
-        strains = np.stack([first, second, mixed], -3)
+        along, up = np.moveaxis(self._slopes[..., None, :], -3, 0)
+        first, second = np.moveaxis(deformation[..., None], -2, 0)
+        strains = np.empty((*along.shape[:2], 3, 2, 9))
+        np.multiply(along, first, strains[:, :, 0])
+        np.multiply(up, second, strains[:, :, 1])
+        np.multiply(up, first, strains[:, :, 2])
+        strains[:, :, 2] += along * second
         return strains.reshape(*strains.shape[:-2], 18)
 
     def _forces(self, strains: Floats, stress: Floats) -> Floats:
@@ -161,9 +160,24 @@ def newton(body: Body, patch: Patch, force: float, u: Floats) -> Floats | None:
     return None
 
 
+def _solved(band: Floats, right: Floats) -> Floats:
+    """Return the solution of a symmetric system in band storage; shape of the right side.
+
+    Raises:
+        LinAlgError: It is singular.
+    """
+    from scipy.linalg import LinAlgError, solve_banded, solveh_banded
+
+    width = len(band) // 2
+    try:
+        return solveh_banded(band[: width + 1], right, check_finite=False)
+    except LinAlgError:  # not positive definite
+        return solve_banded((width, width), band, right, check_finite=False)
+
+
 def iterates(body: Body, patch: Patch, force: float, u: Floats):
     """Yield displacements, largest residual and its tolerance, starting with u."""
-    from scipy.linalg import LinAlgError, solve_banded
+    from scipy.linalg import LinAlgError
 
     free, width = slice(body.clamped, None), body.band
     for _ in range(12):  # Per load step
@@ -177,9 +191,7 @@ def iterates(body: Body, patch: Patch, force: float, u: Floats):
         if not np.all(np.isfinite(band)):
             return
         try:
-            step, turn = solve_banded(
-                (width, width), band[:, free], np.column_stack([residual, g]), check_finite=False
-            ).T
+            step, turn = _solved(band[:, free], np.column_stack([residual, g])).T
         except LinAlgError:
             return
         # Sherman-Morrison: the load follows the surface, which adds F g p^T to the tangent.
@@ -197,15 +209,13 @@ def responses(
     body: Body, patch: Patch, force: float, u: Floats, loads: Sequence[Floats]
 ) -> list[Floats]:
     """Return the displacements that small loads add at an equilibrium, each of shape (size,)."""
-    from scipy.linalg import solve_banded
-
     if not loads:
         return []
-    free, width = slice(body.clamped, None), body.band
+    free = slice(body.clamped, None)
     _, band = body.linearised(u)
     g, p = (part[free] for part in patch.turning(u))
     right = np.column_stack([*(load[free] for load in loads), g])
-    *straight, turn = solve_banded((width, width), band[:, free], right).T
+    *straight, turn = _solved(band[:, free], right).T
     found = []
     for own in straight:
         out = np.zeros(body.size)
