@@ -268,8 +268,8 @@ def about_rig(
     ]
     if plucks and fit.inertia is not None:
         fix = (
-            "the scales and the `delay` of force and velocity, `key.press_arm`, `key.laser_arm` and"
-            " `key.inertia`"
+            "the scales and the `delay` of force and velocity, `key.press_arm`, `key.laser_arm`,"
+            " `key.inertia`, and whether the key bends"
         )
         # The finger adds its own inertia.
         limits = 1 / 1.5, settings.force

@@ -327,7 +327,7 @@ def _write(
     """
     ends = (first, first + volts.shape[1])
     if faults := time_faults(t0_ns, rate, *ends):
-        raise RecordingError(f"{fault_list('its samples', faults)}; correct the rate")
+        raise RecordingError(f"{fault_list('its samples', faults)}; correct the rate or --started")
     if any(t0_ns + n * 1e9 / rate < 0 for n in ends):
         raise RecordingError(
             f"at {rate:.6g} Hz, its {volts.shape[1]} samples from sample {first} on reach beyond"

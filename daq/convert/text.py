@@ -50,8 +50,8 @@ def encoding_of(path: Path) -> str:
     with open_regular(path) as file:
         data = file.read(262_144)  # Its rows must begin there
         complete = not file.read(1)
-    if b"\0" in data:
-        raise RecordingError("it is not text in UTF-8; save it as UTF-8")
+    if (at := data.find(b"\0")) >= 0:
+        raise RecordingError(f"byte {at} is 0, as in UTF-16 or a damaged file; save it as UTF-8")
     for encoding in ("utf-8-sig", "cp1252"):  # Western instruments write µ and ° in Windows' page
         try:
             codecs.getincrementaldecoder(encoding)().decode(data, final=complete)

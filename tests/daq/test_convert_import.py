@@ -311,6 +311,7 @@ def test_everything_missing_is_reported_at_once(tmp_path, back, paper):
         ({"trigger": "soon"}, "--trigger: 'soon' is not a number with a unit"),
         ({"started": "yesterday"}, "--started 'yesterday'"),
         ({"started": "2026-02-03T04:05:06"}, "it has no time zone"),
+        ({"started": "2300-01-01T00:00:00Z"}, "64 bits; correct the rate or --started"),
         ({"simulated": None}, "--measured or --simulated"),
         ({"time": "t"}, "--time 't' is not a column of the file"),
     ],
@@ -358,6 +359,7 @@ GAP = "no finite number in 1 row, the first is row 2 (line 3); gaps"
         ("", "it has no rows"),
         ("# nothing\n", "it has no rows of numbers"),
         ("a,a\n1,2\n", "it has 'a (column 1)', 'a (column 2)'"),
+        ("a,b\n1,2\n\0\n", "byte 8 is 0, as in UTF-16 or a damaged file"),
     ],
 )
 def test_rows_that_are_none(refused, text, word):
