@@ -65,7 +65,7 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     rest = _at_rest(signals, first, last)
     found = _rigid_plucks(strings, signals, rows, rest, begin, before)
     rigid = _explained(found, signals.settings, strings)
-    # The key or its jack gives way where a release rings: both instants are then late.
+    # A key or a jack on cloth that deflects rings at a release: both instants are then late.
     clear = rigid is not None and all(
         (contact.noise < GOOD or contact.std < NEGLIGIBLE)
         and not (resolved(signals, release.time) and _rings(signals, release, contact.noise))
