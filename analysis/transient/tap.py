@@ -15,7 +15,7 @@ landing, which dry friction makes different, are two more linear terms.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,7 +222,7 @@ def _residuals(
     turn: Floats,
     mobility: NDArray[np.complex128],
     spread: Floats,
-    others: list[NDArray[np.complex128]],
+    others: Sequence[NDArray[Any]],
     modes: Floats,
 ) -> Floats:
     """Return real and imaginary parts of the residuals, divided by their uncertainty; (2 n,).
