@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,14 @@ UNCHECKED = (
 _BEFORE_SESSIONS = {"session": "", "item": "", "warm_up": "false"}
 """Metadata of a recording that was made before sessions had plans."""
 _WITHOUT_DESIGN = {"levels": "{}", "block": ""}  # Metadata that a recording lacks without a design
+
+
+def date_now() -> str:
+    """Return the present date as `SessionInfo.started`, in the time zone of this machine.
+
+    Presses of one day are pooled, and days do not end at midnight in UTC everywhere.
+    """
+    return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,10 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 from sautereau.daq.errors import DaqError
-from sautereau.daq.file.recorded import SessionInfo
+from sautereau.daq.file.recorded import SessionInfo, date_now
 from sautereau.daq.file.recording import Recording
 from sautereau.daq.source.source import open_source
 from sautereau.rig.schema import Rig
@@ -58,7 +57,7 @@ def record(
                 limit = max(1, math.ceil(round(duration_s * acquisition.rate, 6)))
             session = SessionInfo(
                 press=0,  # A recording without one
-                started=datetime.now(UTC).isoformat(timespec="milliseconds"),
+                started=date_now(),
                 simulated=acquisition.simulated,
                 controller="",
                 daq=acquisition.device_description,

@@ -6,13 +6,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
 
-from sautereau.daq.file.recorded import Joints
+from sautereau.daq.file.recorded import Joints, date_now
 from sautereau.daq.file.recording import Recording, SessionInfo
 from sautereau.rig.disk import explained, make_folder
 from sautereau.rig.schema import Rig
@@ -195,7 +194,7 @@ def _press(
         acquisition = motion.source
         session = SessionInfo(
             press=number,
-            started=datetime.now(UTC).isoformat(timespec="milliseconds"),
+            started=date_now(),
             simulated=acquisition.simulated or controller.simulated,
             controller=controller.identity,
             daq=acquisition.device_description,

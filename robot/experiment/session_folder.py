@@ -8,7 +8,6 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from pydantic import BaseModel, Field, FiniteFloat, JsonValue
 
 from sautereau.daq.file.container.durable import PART
 from sautereau.daq.file.reading import read_recording, read_session
+from sautereau.daq.file.recorded import date_now
 from sautereau.daq.source.connection import hold_card
 from sautereau.rig.disk import (
     TEXT_LIMIT,
@@ -127,7 +127,7 @@ class SessionFolder:
             check_same(path, before, {**asked, "seed": requested})
         self._manifest = started or Manifest(
             session=uuid.uuid4().hex,
-            started=datetime.now(UTC).isoformat(timespec="milliseconds"),
+            started=date_now(),
             seed=fresh_seed if seed is None else seed,
             plan=asked,
             set_up={},

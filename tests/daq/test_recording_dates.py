@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import time
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from mcap.records import Message
 
 from sautereau.daq.file.container.durable import DurableFile
 from sautereau.daq.file.reading import read_recording
+from sautereau.daq.file.recorded import date_now
 from sautereau.daq.file.recording import Block, Recording
 from sautereau.daq.file.trigger_date import Counted, TriggerDate
 from tests.daq.declared import records
@@ -158,3 +161,14 @@ def test_the_disk_is_asked_every_second(tmp_path, paper, session, monkeypatch):
             now[0] = step / 10
             recording.write_block(Block(step * 10, np.ones((2, 10))))
         assert asked == [1.0, 2.0, 3.0]
+
+
+def test_presses_are_dated_in_the_time_zone_of_the_machine(monkeypatch):
+    """An afternoon in California is one day, as sessions are pooled, and two in UTC."""
+    with monkeypatch.context() as patch:
+        patch.setenv("TZ", "PST8")
+        time.tzset()
+        here = date_now()
+    time.tzset()
+    assert here.endswith("-08:00")
+    assert abs(datetime.fromisoformat(here) - datetime.now(UTC)) < timedelta(seconds=10)
