@@ -145,7 +145,7 @@ def main() -> None:
 
         if isinstance(error.__context__, KeyboardInterrupt) and _follows(error):
             status = _interrupted(error.__context__, as_json)
-        elif isinstance(error, SautereauError | OSError):
+        elif isinstance(error, SautereauError | OSError | MemoryError):
             error = _first_cause(error)
             status = 2 if isinstance(error, UsageError) else 1
             status = fail(as_json, _with_notes(_text(error), error), status)
@@ -221,6 +221,9 @@ def _text(error: Exception) -> str:
     """Return the message of an error; of the operating system's with the file first."""
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
+    if isinstance(error, MemoryError):
+        split = "a recording of many presses takes less once `sautereau split` has made one of each"
+        return f"not enough memory ({error}); {split}"
     return str(error)
 
 

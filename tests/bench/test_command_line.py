@@ -324,6 +324,7 @@ def _following(error: Exception, interrupt: KeyboardInterrupt) -> Exception:
         (KeyboardInterrupt(), "interrupted\nthe arm is off", 130),
         (KeyboardInterrupt("SIGTERM"), "interrupted\nthe arm is off", 143),
         (RuntimeError("oh"), "bug: RuntimeErr", 1),
+        (MemoryError("allocate 1 GiB"), "not enough memory (allocate 1 GiB); a recording", 1),
         # A compiled module while it is loaded, and a progress bar whose terminal is closed:
         (_following(ImportError("failed"), KeyboardInterrupt()), "interrupted", 130),
         (_following(OSError(errno.EIO, "I/O"), KeyboardInterrupt("SIGHUP")), "interrupted", 129),
