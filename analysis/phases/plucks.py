@@ -200,8 +200,8 @@ def _refined(rigid: Found, signals: Signals, strings: Expected, begin: int, end:
 
 def _rings(signals: Signals, release: Release, noise: float) -> bool:
     """Return whether a release's residuals exceed those at its contact, where nothing rings."""
-    # 1.8 is six standard deviations above 1.
-    least = min(RINGING, max(1.8, noise)) if resolved(signals, release.time) else RINGING
+    # 1.8 is six standard deviations above 1, and 1.4 three.
+    least = min(RINGING, max(1.8, 1.4 * noise)) if resolved(signals, release.time) else RINGING
     return release.noise >= least
 
 
