@@ -156,6 +156,23 @@ def _in_rig(unit: str, value: float) -> tuple[float, str]:
     return (1.0, unit.replace("**", "^").replace("*", " ")) if large else (scale, name)
 
 
+def concise(value: float, std: float | None, decimals: int) -> str:
+    """Return a value with its standard uncertainty in units of the last digit, as 109.28(14).
+
+    That is the notation of section 7.2.2 of the Guide to the expression of uncertainty in
+    measurement (JCGM 100:2008).
+
+    Args:
+        std: In the unit of the value; None where it is unknown.
+        decimals: Most of the value, and those of a value whose uncertainty is unknown.
+    """
+    if not std or not math.isfinite(std):
+        return f"{value:.{decimals}f}"
+    power = int(f"{std:.1e}".partition("e")[2])  # of two digits, after rounding
+    shown = min(decimals, max(0, 1 - power))
+    return f"{value:.{shown}f}({max(1, round(std * 10**shown))})"
+
+
 def percent(ratio: float) -> str:
     """Return a signed ratio in per cent: `-6.6 %`, `+0.12 %`."""
     return f"{100 * ratio:+.{1 if abs(ratio) >= 0.01 else 2}f} %"

@@ -10,20 +10,27 @@ from sautereau.analysis.press.features import (
     OF_SATURATED,
     OF_SPEED,
     Row,
+    column,
     features,
     gain_stds,
+    std_of,
     unknown_of,
 )
+from sautereau.analysis.text import concise
 
 HEADER = (
     "Jack speed: mean and RMS error while a string is held. #: string of the rig.\n"
     "Contact and release: time after the trigger. !: doubtful, see the warnings.\n"
+    "In parentheses: standard uncertainty, in units of the last digit.\n"
     "Release force: of an AC-coupled sensor counted from that at rest.\n"
-    f"{'':<15} {'jack':>7} {'speed':>5} {'':>19} {'pluck':>8} {'release':>9}\n"
-    f"{'':<15} {'speed':>7} {'error':>5}   {'contact':>8} {'release':>8} {'duration':>8}"
-    f" {'force':>9}\n"
-    f"{'press':<15} {'(m/s)':>7} {'(%)':>5} # {'(ms)':>8} {'(ms)':>8} {'(ms)':>8} {'(N)':>9}"
+    f"{'':<15} {'jack':>7} {'speed':>5} {'':>25} {'pluck':>10} {'release':>11}\n"
+    f"{'':<15} {'speed':>7} {'error':>5}   {'contact':>11} {'release':>11} {'duration':>10}"
+    f" {'force':>11}\n"
+    f"{'press':<15} {'(m/s)':>7} {'(%)':>5} # {'(ms)':>11} {'(ms)':>11} {'(ms)':>10} {'(N)':>11}"
 )  # Head of the rows, which fit into 80 columns
+
+
+SHOWN = "contact", "release", "pluck_duration", "release_force"  # of a pluck in these rows
 
 
 def press_summary(press: Press, phases: Phases, found: Row | None = None) -> dict[str, Any]:
@@ -95,7 +102,8 @@ def press_line(press: Press, phases: Phases, found: Row | None = None) -> str:
     Args:
         found: As that of `press_summary`.
     """
-    speed = held_speed(press, found or features(press, phases)) or {}
+    found = found or features(press, phases)
+    gains, speed = gain_stds(press.rig), held_speed(press, found) or {}
     mean, error = speed.get("mean"), speed.get("rms_error")
     row = f"{press.path.name:<15} {'-' if mean is None else f'{mean:.5f}':>7}"
     row += f" {'-' if error is None else f'{100 * error:.3g}':>5}"
@@ -104,11 +112,13 @@ def press_line(press: Press, phases: Phases, found: Row | None = None) -> str:
     for number, held in enumerate(phases.plucks):
         row += "" if number == 0 else f"\n{'':<29}"
         lost = press.missing == "force" or held.saturated
-        force = "-" if lost else f"{held.release_force:.4f}"
-        row += (
-            f" {held.string or '-'} {held.contact * 1e3:>8.3f} {held.release * 1e3:>8.3f}"
-            f" {held.pluck_duration * 1e3:>8.3f} {'!' * held.doubtful:<2}{force:>8}"
+        std = {name: std_of(found, column(name, number + 1), gains) or 0.0 for name in SHOWN}
+        force = "-" if lost else concise(held.release_force, std["release_force"], 4)
+        contact, release, duration = (
+            concise(getattr(held, name) * 1e3, std[name] * 1e3, 3) for name in SHOWN[:3]
         )
+        row += f" {held.string or '-'} {contact:>11} {release:>11} {duration:>10}"
+        row += f" {'!' * held.doubtful:<2}{force:>9}"
     set_by_hand = phases.fit is not None and phases.fit.model == "by hand"
     alone = f"  no {press.missing}" if press.missing else ""
     return row + alone + "  by hand" * set_by_hand + "  simulated" * press.simulated

@@ -4,6 +4,7 @@ String 2 is touched second. As the rig has it, it is released first; with other 
 """
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,6 +35,7 @@ from sautereau.analysis.results.prediction import Prediction
 from sautereau.analysis.results.press import HEADER, press_line, press_summary
 from sautereau.analysis.session.analysed import analyse_recording
 from sautereau.analysis.session.conditions import analyse
+from sautereau.analysis.text import concise
 from sautereau.daq.file.recorded import Block
 from sautereau.daq.file.recording import Recording
 from sautereau.rig.errors import RigError
@@ -289,3 +291,20 @@ def test_a_fault_in_a_further_string_is_reported_at_its_line(old, new, key):
     line = text[: text.index(new)].count("\n") + 1
     with pytest.raises(RigError, match=rf"line {line}: more_choirs\.0\.{key}: "):
         parse_rig(text)
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "shown"),
+    [
+        (109.2771, 0.1354, "109.28(14)"),
+        (52.0, 0.05149, "52.000(51)"),
+        (52.0, 0.0009, "52.000(1)"),
+        (148.6, 12.4, "149(12)"),
+        (0.72, 0.0996, "0.72(10)"),
+        (3.0, 150.2, "3(150)"),
+        (52.0, None, "52.000"),
+        (52.0, math.inf, "52.000"),
+    ],
+)
+def test_a_value_with_its_uncertainty_in_units_of_the_last_digit(value, std, shown):
+    assert concise(value, std, 3) == shown
