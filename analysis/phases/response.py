@@ -46,8 +46,13 @@ def ringing_in(parts: Sequence[Floats], step: float) -> Poles:
     Args:
         parts: Signals over their noise without a sudden event, shape (signals, n) each.
         step: s, of the samples.
+
+    Returns:
+        Those of 60 Hz or more with a positive imaginary part; none if all parts are too short.
     """
     size = min(40, max(part.shape[1] for part in parts) // 2)
+    if size < 6:
+        return np.zeros(0, complex)
     vectors = np.concatenate(
         [
             sliding_window_view(signal, len(signal) - size + 1)
@@ -60,11 +65,10 @@ def ringing_in(parts: Sequence[Floats], step: float) -> Poles:
     order = min(11, size - 2)  # a parabola and four modes
     space = np.linalg.svd(vectors, full_matrices=False)[0][:, :order]
     shifts = np.linalg.eigvals(np.linalg.lstsq(space[:-1], space[1:])[0]).astype(complex)
-    poles = np.log(shifts[np.abs(shifts) > 1e-3]) / step
+    poles = np.log(shifts[shifts.imag > 1e-6]) / step
     turn = np.abs(poles)
     damping = -poles.real / turn
-    ringing = (poles.imag > 0) & (turn * step < 0.84 * math.pi) & (turn > 2 * math.pi * 60)
-    ringing &= damping < 0.8
+    ringing = (turn * step < 0.84 * math.pi) & (turn > 2 * math.pi * 60) & (damping < 0.8)
     damping, turn = np.maximum(damping, 0.005)[ringing], turn[ringing]
     return turn * (-damping + 1j * np.sqrt(1 - damping**2))
 

@@ -270,3 +270,10 @@ def test_modes_are_found_in_the_ringing_on_both_sides_of_an_event():
     found = ringing_in(parts, step)
     for each in known:
         assert np.abs(found - each).min() < 0.01 * abs(each)
+
+
+@pytest.mark.parametrize("sizes", [(0, 5), (3, 11), (0, 12), (90, 0), (40, 40)])
+@pytest.mark.parametrize("level", [0.0, 1.0])
+def test_short_parts_and_constants_do_not_ring(sizes, level):
+    parts = [np.full((2, size), level) for size in sizes]
+    assert np.isfinite(ringing_in(parts, 40e-6)).all()
