@@ -16,8 +16,6 @@ from sautereau.rig.faults import fault_list
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import parse_quantity
 
-MOST_SECONDS = 1e9  # s, limit of the time from the start of a file's time axis to the trigger
-
 
 @dataclass(frozen=True)
 class ChannelColumn:
@@ -339,6 +337,9 @@ def _trigger(options: ImportOptions, faults: list[str]) -> float | None:
         )
         return None
     trigger = _quantity("trigger", options.trigger, "s", "12 ms", faults)
-    if trigger is not None and abs(trigger) > MOST_SECONDS:
-        faults.append(f"--trigger: {trigger:g} s is beyond MOST_SECONDS = {MOST_SECONDS:g} s")
+    if trigger is not None and abs(trigger) > 1e9:
+        faults.append(
+            f"--trigger: {trigger:g} s is more than 1e+09 s; give the time of the trigger on the"
+            " file's time axis, and its date as --started"
+        )
     return trigger

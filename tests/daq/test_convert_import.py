@@ -309,6 +309,10 @@ def test_everything_missing_is_reported_at_once(tmp_path, back, paper):
         ({"rate": "0 Hz"}, "'0 Hz' is not above 0"),
         ({"rate": None}, "the sampling rate is missing"),
         ({"trigger": "soon"}, "--trigger: 'soon' is not a number with a unit"),
+        (
+            {"trigger": "1700000000 s"},
+            "more than 1e+09 s; give the time of the trigger on the file's",
+        ),
         ({"started": "yesterday"}, "--started 'yesterday'"),
         ({"started": "2026-02-03T04:05:06"}, "it has no time zone"),
         ({"started": "2300-01-01T00:00:00Z"}, "64 bits; correct the rate or --started"),
