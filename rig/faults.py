@@ -65,6 +65,14 @@ ActsIf = Mapping[str, tuple[Condition, ...]]
 """By the beginning of a value in TOML, `key = value`, the conditions of which one must hold."""
 
 
+def lacking(conditions: tuple[Condition, ...], document: object) -> str:
+    """Return why a value has no effect and how to fix it; empty if a condition holds."""
+    if any(one.holds(document) for one in conditions):
+        return ""
+    needed = " or ".join(map(str, conditions))
+    return f"it has no effect without {needed}; set that, or remove it"
+
+
 def without_effect(
     given: Mapping[str, object], acts_if: ActsIf, document: object
 ) -> Iterator[tuple[str, str]]:
@@ -77,9 +85,8 @@ def without_effect(
     for key, value in given.items():
         text = f"{key} = {json.dumps(value, default=str)}"
         for start, conditions in acts_if.items():
-            if text.startswith(start) and not any(one.holds(document) for one in conditions):
-                needed = " or ".join(map(str, conditions))
-                yield key, f"it has no effect without {needed}; set that, or remove it"
+            if text.startswith(start) and (why := lacking(conditions, document)):
+                yield key, why
                 break
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from sautereau.rig.faults import Condition, without_effect
+from sautereau.rig.faults import Condition, lacking, without_effect
 from sautereau.rig.schema import Rig
 from sautereau.rig.units import Force, Frequency, Section, Time, Unit
 
@@ -44,7 +44,7 @@ class _Sized(Section):
 
     @model_validator(mode="after")
     def _acts(self):
-        for _, why in without_effect({"": None}, {"": self.acts_if}, self):
+        if why := lacking(self.acts_if, self):
             raise ValueError(why)
         return self
 

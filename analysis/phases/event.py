@@ -326,12 +326,12 @@ def refine_event(
         max(after, near - settings.before),
         max(1, round(settings.block * signals.rate)),
     )
-    first, middle = signals.sample(begin), signals.sample(near)
-    least = 3 * signals.force_noise
-    lost = np.flatnonzero(signals.force[middle:] < least)
-    if len(lost) and signals.force[first : middle + 1].mean() > least:
-        until = min(until, float(signals.time[middle + lost[0]]))
     end = min(until, near + settings.after)
+    first, middle, last = map(signals.sample, (begin, near, end))
+    least = 3 * signals.force_noise
+    lost = np.flatnonzero(signals.force[middle:last] < least)
+    if len(lost) and signals.force[first : middle + 1].mean() > least:
+        end = min(end, float(signals.time[middle + lost[0]]))
 
     def fit_of(degree: int) -> EventFit | None:
         stretch = max(0, signals.sample(begin)), min(len(signals.time), signals.sample(end))
@@ -403,19 +403,14 @@ def _refined(fit: EventFit, fits: Iterable[Fitted]) -> list[Fitted]:
     return found
 
 
-def _plausible(fit: EventFit, fits: list[Fitted]) -> list[Fitted]:
-    """Return the fits that are not much worse than the best, by their score, the best first."""
-    fits = sorted(fits, key=fit.score)
-    return [f for f in fits if fit.score(f) < fit.score(fits[0]) + 25]
-
-
 def _mean(fit: EventFit, fits: list[Fitted]) -> tuple[float, float]:
     """Return the mean instant of the plausible fits, refined with the present noise, in s.
 
     Returns:
         The mean, weighted by the Bayesian information criterion, and its variance.
     """
-    fits = _refined(fit, _plausible(fit, fits))
+    least = min(map(fit.score, fits)) + 25
+    fits = _refined(fit, (f for f in sorted(fits, key=fit.score) if fit.score(f) < least))
     scores = np.array([fit.score(f) for f in fits])
     chance = np.exp((scores.min() - scores) / 2)
     chance /= chance.sum()

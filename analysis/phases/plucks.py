@@ -68,7 +68,7 @@ def find_plucks(strings: Expected, signals: Signals, begin: int, end: int) -> Fo
     # A key or a jack on cloth that deflects rings at a release: both instants are then late.
     clear = rigid is not None and all(
         (contact.noise < GOOD or contact.std < NEGLIGIBLE)
-        and not (resolved(signals, release.time) and _rings(signals, release, contact.noise))
+        and not (resolved(signals, release.time) and _rings(release, contact.noise, True))
         for contact, release in rigid.plucks
     )
     if rigid is not None and clear and len(found) >= len(strings.contacts):
@@ -198,10 +198,10 @@ def _refined(rigid: Found, signals: Signals, strings: Expected, begin: int, end:
     return Found(plucks, fit, rigid.further)
 
 
-def _rings(signals: Signals, release: Release, noise: float) -> bool:
+def _rings(release: Release, noise: float, resolved: bool) -> bool:
     """Return whether a release's residuals exceed those at its contact, where nothing rings."""
     # 1.8 is six standard deviations above 1, and 1.4 three.
-    least = min(RINGING, max(1.8, 1.4 * noise)) if resolved(signals, release.time) else RINGING
+    least = min(RINGING, max(1.8, 1.4 * noise)) if resolved else RINGING
     return release.noise >= least
 
 
@@ -214,9 +214,10 @@ def _with_modes(
     hardly above the noise may hide modes, which would make it late by up to half a millisecond: the
     instant is then the mean over both fits, and their spread is part of its uncertainty.
     """
-    evident = _rings(signals, release, noise) or any(signals.low_passes)
+    small = resolved(signals, release.time)
+    evident = _rings(release, noise, small) or any(signals.low_passes)
     # Steps above 400 were right to 0.04 ms on all keys.
-    if not evident and (release.gain > 400 or not resolved(signals, release.time)):
+    if not evident and (release.gain > 400 or not small):
         return release
     near = 0.7e-3 if evident else signals.settings.near
     found = refine_event(signals, release.time, near, release.fall, *ends)

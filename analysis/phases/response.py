@@ -35,13 +35,36 @@ def pole(frequency: float, damping: float) -> complex:
     return complex(-damping * turn, turn * math.sqrt(max(0.0, 1 - damping**2)))
 
 
+def esprit(parts: Sequence[Floats], size: int, order: int) -> Poles:
+    """Return the poles (logarithms per sample) that all signals share, shape (order,).
+
+    Windows of a sum of exponentials lie in a subspace that a shift by one sample maps to itself;
+    the eigenvalues of this map are the poles (R. Roy and T. Kailath, IEEE Trans. ASSP 37 (1989)
+    984).
+
+    Args:
+        parts: Signals without a sudden event, shape (signals, n) each; too short ones do not
+            count.
+        size: Samples of a window.
+        order: Number of poles; a real oscillation has two.
+    """
+    windows = np.concatenate(
+        [
+            sliding_window_view(part, size, axis=1).reshape(-1, size)
+            for part in parts
+            if part.shape[1] > size + 1
+        ]
+    )
+    _, vectors = np.linalg.eigh(windows.T @ windows)
+    space = vectors[:, -order:]
+    turned = np.linalg.lstsq(space[:-1], space[1:])[0]
+    return np.log(np.linalg.eigvals(turned).astype(complex) + 1e-300)
+
+
 def ringing_in(parts: Sequence[Floats], step: float) -> Poles:
     """Return the poles [1/s] of the modes that ring in parts of signals.
 
-    Sums of exponentials are predicted by the samples before: the vectors of successive samples lie
-    in a subspace that a shift by one sample maps to itself, and the eigenvalues of this map are the
-    modes (ESPRIT: R. Roy and T. Kailath, IEEE Trans. ASSP 37 (1989) 984). What is slower and more
-    damped than ringing belongs to the same subspace and is omitted.
+    What is slower and more damped than ringing is omitted.
 
     Args:
         parts: Signals over their noise without a sudden event, shape (signals, n) each.
@@ -53,19 +76,8 @@ def ringing_in(parts: Sequence[Floats], step: float) -> Poles:
     size = min(40, max(part.shape[1] for part in parts) // 2)
     if size < 6:
         return np.zeros(0, complex)
-    vectors = np.concatenate(
-        [
-            sliding_window_view(signal, len(signal) - size + 1)
-            for part in parts
-            for signal in part
-            if len(signal) > size + 1
-        ],
-        axis=1,
-    )
-    order = min(11, size - 2)  # a parabola and four modes
-    space = np.linalg.svd(vectors, full_matrices=False)[0][:, :order]
-    shifts = np.linalg.eigvals(np.linalg.lstsq(space[:-1], space[1:])[0]).astype(complex)
-    poles = np.log(shifts[shifts.imag > 1e-6]) / step
+    poles = esprit(parts, size, min(11, size - 2)) / step  # a parabola and four modes
+    poles = poles[poles.imag > 0]
     turn = np.abs(poles)
     damping = -poles.real / turn
     ringing = (turn * step < 0.84 * math.pi) & (turn > 2 * math.pi * 60) & (damping < 0.8)

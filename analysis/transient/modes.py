@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
+from sautereau.analysis.phases.response import esprit
 from sautereau.trajectory.motion import Floats
 
 MOST_DAMPING = 0.1  # Largest damping ratio of an oscillation
@@ -221,7 +222,7 @@ class _Fit:
 
 def _best_start(fit: _Fit, poles: Floats, left: Floats) -> Floats | None:
     """Return the poles with the pole of the residuals that explains most; None without one."""
-    found = esprit(left.T, 10) * fit.rate  # 10 poles
+    found = esprit([left.T], len(left) // 3, 10) * fit.rate  # 10 poles
     decay, omega = -found.real, found.imag
     decay = np.clip(decay, 0, fit.fastest / 4)
     near = (omega > np.pi / fit.duration) & (omega < 0.98 * fit.fastest)
@@ -233,19 +234,3 @@ def _best_start(fit: _Fit, poles: Floats, left: Floats) -> Floats | None:
         if rest < least:
             best, least = tried, rest
     return best
-
-
-def esprit(signals: Floats, order: int) -> NDArray[np.complex128]:
-    """Return the poles (logarithms per sample) that several channels share, shape (order,).
-
-    Args:
-        signals: Shape (channels, n).
-        order: Number of poles; a real oscillation has two.
-    """
-    rows = signals.shape[1] // 3
-    windows = np.lib.stride_tricks.sliding_window_view(signals, rows, axis=1)
-    stacked = windows.reshape(-1, rows)
-    _, vectors = np.linalg.eigh(stacked.T @ stacked)
-    space = vectors[:, -order:]
-    turned = np.linalg.lstsq(space[:-1], space[1:], rcond=None)[0]
-    return np.log(np.linalg.eigvals(turned).astype(complex) + 1e-300)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sautereau.analysis.transient.modes import esprit, fit_modes
+from sautereau.analysis.phases.response import esprit
+from sautereau.analysis.transient.modes import fit_modes
 from tests.budget import slow
 
 RATE, SAMPLES = 10_240.0, 256
@@ -72,7 +73,7 @@ def test_noise_larger_than_stated_is_recognised():
 
 def test_esprit_finds_shared_poles():
     signals = ringing(300, 40, [5, 2j]) + ringing(330, 10, [1, 1])
-    poles = esprit(signals, 4) * RATE
+    poles = esprit([signals], signals.shape[1] // 3, 4) * RATE
     above = sorted(poles[poles.imag > 0], key=lambda p: p.imag)
     expected = [-40 + 2j * np.pi * 300, -10 + 2j * np.pi * 330]
     np.testing.assert_allclose(above, expected, rtol=1e-6)
